@@ -189,3 +189,112 @@ def openpilot(path: Path, of: Platoon, start: float = 1533224087.25) -> Path:
     lead = ",".join(f"/radarState/leadOne/{name}" for name in ("dRel", "vRel", "status"))
     header = f"__time,/carState/vEgo,/carState/aEgo,{lead}"
     return _written(path, header, rows)
+
+
+def sumo(path: Path, of: Platoon, plain: bool = False) -> Path:
+    """Floating car data: texts as ids, -1 and no id where there is no leader; `plain`: names without their element."""
+    header = (
+        "timestep_time;vehicle_id;vehicle_x;vehicle_y;vehicle_angle;vehicle_type;vehicle_speed;vehicle_pos;"
+    )
+    header += "vehicle_lane;vehicle_slope;vehicle_acceleration;vehicle_leaderGap;vehicle_leaderSpeed;vehicle_leaderID"
+    rows = []
+    for i, t in enumerate(of.t):
+        for k in range(of.speed.shape[1]):
+            own = [
+                f"{t:.2f}",
+                f"car.{k}",
+                0,
+                0,
+                90,
+                "car",
+                f"{of.speed[i, k]:.6f}",
+                f"{of.position[i, k]:.4f}",
+            ]
+            ahead = of.lead[i, k]
+            lead: list[object] = [-1, -1, ""]
+            if ahead >= 0:
+                gap = of.position[i, ahead] - LENGTH - of.position[i, k]
+                lead = [f"{gap:.6f}", f"{of.speed[i, ahead]:.6f}", f"car.{ahead}"]
+            rows.append([*own, "e0_0", 0, f"{of.accel[i, k]:.6f}", *lead])
+    return _written(
+        path, header.replace("timestep_", "").replace("vehicle_", "") if plain else header, rows, ";"
+    )
+
+
+def citysim(path: Path, of: Platoon, lanes: tuple[int, int] = (1, 2), head: bool = True) -> Path:
+    """Both carriageways in one file: vehicles 1, 2, ... towards +x, 11, 12, ... towards -x; feet, mph, frames at 30/s.
+
+    Args:
+        path: of the file.
+        of: drives both ways.
+        lanes: of the two directions; they may be equal.
+        head: whether there are the points of head and tail, and no length, as in the set's own files.
+    """
+    header = "frameNum,carId,carCenterXft,carCenterYft,speed,laneId," + (
+        "headXft,headYft,tailXft,tailYft" if head else "length_ft"
+    )
+    rows: list[list[object]] = []
+    for i in range(len(of.t)):
+        for k in range(of.speed.shape[1]):
+            for way, first, lane in ((1.0, 1, lanes[0]), (-1.0, 11, lanes[1])):
+                front = of.position[i, k] if way > 0.0 else 3000.0 - of.position[i, k]
+                y = 30.0 * lane
+                shape: list[object] = [f"{LENGTH / METRES_PER_FT:.6f}"]
+                if head:
+                    shape = [f"{front / METRES_PER_FT:.5f}", y]
+                    shape += [f"{(front - way * LENGTH) / METRES_PER_FT:.5f}", y]
+                center = f"{(front - way * LENGTH / 2.0) / METRES_PER_FT:.5f}"
+                speed = f"{of.speed[i, k] / 0.44704:.6f}"
+                rows.append([i, first + k, center, y, speed, lane, *shape])
+    return _written(path, header, rows)
+
+
+def _parts(of: Platoon, n: int) -> list[slice]:
+    """Stretches of equal length, as sets cut drives into episodes."""
+    size = len(of.t) // n
+    return [slice(k * size, (k + 1) * size) for k in range(n)]
+
+
+def waymo(path: Path, of: Platoon, episodes: int = 3) -> Path:
+    """Rows of both vehicles of each pair; every vehicle but the first and the last leads one and follows another."""
+    header = (
+        "segment_id,local_veh_id,length,local_time,follower_id,leader_id,filter_pos,filter_speed,filter_accer"
+    )
+    rows = []
+    for segment, part in enumerate(_parts(of, episodes)):
+        for k in range(1, of.speed.shape[1]):
+            for who in (k - 1, k):
+                for i in range(part.start, part.stop):
+                    at = f"{of.position[i, who] - LENGTH / 2.0:.6f},{of.speed[i, who]:.6f},{of.accel[i, who]:.6f}"
+                    t = of.t[i] - of.t[part.start]
+                    rows.append([segment, who, LENGTH, f"{t:.1f}", k, k - 1, at])
+    return _written(path, header, rows)
+
+
+def lyft(path: Path, of: Platoon, episodes: int = 3) -> Path:
+    """Cases of one pair each, centres and lengths."""
+    header = "case_id,time,x_leader,x_follower,v_leader,v_follower,a_leader,a_follower,l_leader,l_follower"
+    rows = []
+    for case, part in enumerate(_parts(of, episodes)):
+        for i in range(part.start, part.stop):
+            numbers = (of.position[i, :2] - LENGTH / 2.0, of.speed[i, :2], of.accel[i, :2])
+            cells = [f"{x:.6f}" for pair in numbers for x in pair]
+            rows.append([case, f"{of.t[i] - of.t[part.start]:.1f}", *cells, LENGTH, LENGTH])
+    return _written(path, header, rows)
+
+
+def ultra_av(path: Path, of: Platoon, episodes: int = 3, unit: float = 1.0) -> Path:
+    """Trajectories one below the other; `unit`: s of the time index."""
+    header = "Trajectory_ID,Time_Index,ID_LV,Type_LV,Pos_LV,Speed_LV,Acc_LV,ID_FAV,Pos_FAV,Speed_FAV,Acc_FAV,"
+    header += "Spatial_Gap,Spatial_Headway,Speed_Diff"
+    rows = []
+    for trajectory, part in enumerate(_parts(of, episodes)):
+        for i in range(part.start, part.stop):
+            lead, own = ([f"{x[i, k]:.6f}" for x in (of.position, of.speed, of.accel)] for k in (0, 1))
+            gap = of.gap(1)[i]
+            rate = of.speed[i, 0] - of.speed[i, 1]
+            t = f"{(of.t[i] - of.t[part.start]) / unit:.6g}"
+            rows.append(
+                [trajectory, t, -1, 0, *lead, 0, *own, f"{gap:.6f}", f"{gap + LENGTH:.6f}", f"{rate:.6f}"]
+            )
+    return _written(path, header, rows)

@@ -91,7 +91,7 @@ def from_frame(
         dt: step of the grid, s.
 
     Returns:
-        a `Trace`.
+        a `Trace`. How a name with several meanings was read by its unit or values is a UserWarning.
 
     Raises:
         ValueError: names the column, and the remedy.
@@ -177,7 +177,9 @@ def _trace(
     says = ARRAYS if verb == "from_arrays" else FRAME
     driver = _driver(given, task, output, headway_desired, output_filter, named)
     try:
-        table = table_of(ArraySource(headings, verb), ColumnMap(driver=driver), Selection(), says=says)
+        table = table_of(
+            ArraySource(headings, verb), ColumnMap(driver=driver), Selection(named=named), says=says
+        )
         if driver is None:
             table = table._replace(
                 vehicle=table.vehicle._replace(
@@ -194,8 +196,8 @@ def _trace(
         raise ValueError(
             f"{verb}: {lasts if last > first else same}; give each row its own, in s since any start, or as dates"
         )
-    if table.sorted:
-        warnings.warn(table.sorted, stacklevel=3)
+    for note in (*table.judged, *([table.sorted] if table.sorted else [])):
+        warnings.warn(note, stacklevel=3)
     if _of_1970(given, named):
         warnings.warn(f"{verb}: dates of 1970 are taken as the time of the drive in s", stacklevel=3)
     return trace

@@ -44,6 +44,10 @@ class ColumnEntry(Section):
     offset: Number = 0.0
     absolute: bool = False  # without its sign
     sign_of: Name | None = None  # multiplied by the sign of another column
+    between: Annotated[list[Name], Field(min_length=4, max_length=4)] | None = (
+        None  # the distance of two points: x, y, x, y
+    )
+    center: bool = False  # of a position: of the vehicle's centre, not of its front
     none: Annotated[
         list[Number], Field(default_factory=list, max_length=20)
     ]  # numbers that say that there is none
@@ -87,7 +91,7 @@ def shipped() -> dict[str, Path]:
 
     Example:
         >>> sorted(shipped())
-        ['follownet', 'highd', 'ngsim', 'openacc', 'openpilot']
+        ['citysim', 'follownet', 'highd', 'lyft', 'ngsim', 'openacc', 'openpilot', 'sumo', 'ultra_av', 'waymo']
     """
     return {path.stem: path for path in sorted(SETS.glob("*.toml"))}
 

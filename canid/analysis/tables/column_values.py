@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from canid.analysis.tables import lead_rows, role_values, row_order, rows, time_column
+from canid.analysis.tables import lead_rows, positions, role_values, row_order, rows, time_column
 from canid.analysis.tables.column_map import ColumnMap
-from canid.analysis.tables.headings import TIME
+from canid.analysis.tables.headings import IDS, TIME
 from canid.analysis.tables.remedies import Remedies
 from canid.analysis.tables.resolution import Found
 from canid.analysis.tables.source import NO_NUMBER, Source, clean
@@ -19,7 +19,7 @@ from canid.values.errors import ConfigError
 from canid.values.types import Array
 
 # columns that the rows of the vehicle ahead can give
-_OF_LEAD = {"speed": "lead_speed", "length": "lead_length", "position": "lead_position"}
+OF_LEAD = {"speed": "lead_speed", "length": "lead_length", "position": "lead_position"}
 
 
 def in_order(
@@ -36,14 +36,10 @@ def in_order(
         ConfigError: there is no time, or the rows are of several drives.
     """
     if TIME not in by_role:
-        return _times(by_role, by, table, texts, name), table, ""
+        return times_of(by_role, by, table, texts, name), table, ""
     place = by_role[TIME].place
-    values = [
-        column.place
-        for role, column in by_role.items()
-        if role not in (TIME, "vehicle_id", "lead_id", "lane")
-    ]
-    times = _times(by_role, by, table, texts, name)
+    values = [column.place for role, column in by_role.items() if role not in (TIME, *IDS)]
+    times = times_of(by_role, by, table, texts, name)
     columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
     clock = row_clock.unwrapped(times.t, times.zero, columns, local=times.local)
     if clock is not None and row_order.by_time(clock.t)[0] is None:
@@ -58,13 +54,14 @@ def in_order(
             row_order.check(raw, table, values, order, name, choose)
         table = row_order.taken(table, order)
         note = f"{name}: {late:,} of {table.n:,} rows were not in the order of time; they were sorted"
-        times = _times(by_role, by, table, texts, name)
+        times = times_of(by_role, by, table, texts, name)
     return times, table, note
 
 
-def _times(
+def times_of(
     by_role: Mapping[str, Found], by: ColumnMap, table: rows.Rows, texts: set[int], name: str
 ) -> time_column.Times:
+    """Times of the rows in their order. Raises ConfigError where the column holds none."""
     if TIME not in by_role:
         return time_column.of_numbers(np.arange(float(table.n)), None, "row", by.entries[TIME].rate)
     clock = by_role[TIME]
@@ -95,10 +92,8 @@ def values_of(
     for role, origin in by_role.items():
         if role == TIME:
             continue
-        column: Array | list[str] = (
-            table.texts[origin.place] if origin.place in texts else table.numbers[origin.place]
-        )
-        if role in ("vehicle_id", "lead_id", "lane"):
+        column = _cells(origin, table, texts)
+        if role in IDS:
             values[role] = _codes(column, origin.entry.none)
             continue
         sign = table.numbers[origin.sign_place] if origin.sign_place >= 0 else None
@@ -107,6 +102,14 @@ def values_of(
         if spoilt:
             notes.append(f"{name}: {role}: {spoilt:,} of {table.n:,} cells hold no number")
     return values
+
+
+def _cells(origin: Found, table: rows.Rows, texts: set[int]) -> Array | list[str]:
+    """The cells of a column, or the distance of two points."""
+    if origin.points:
+        a, b, c, d = (clean(table.numbers[place]) for place in origin.points)
+        return np.asarray(np.hypot(a - c, b - d), float)
+    return table.texts[origin.place] if origin.place in texts else table.numbers[origin.place]
 
 
 def _codes(column: Array | list[str], none: Sequence[float]) -> Array:
@@ -133,6 +136,7 @@ def lead_columns(
     texts: set[int],
     table: rows.Rows,
     values: dict[str, Array],
+    way: Array,
     same_place: Sequence[rows.Where],
     notes: list[str],
 ) -> dict[str, Array]:
@@ -159,17 +163,18 @@ def lead_columns(
                 words[condition.place] if condition.place in words else numbers[condition.place],
                 condition.value,
             )
-        return mask & (np.isin(others, leads) if leads is not None else others != ids[0])
+        # the rows of the only vehicle are no lead; of several each may be
+        alone = ids[0] if (ids == ids[0]).all() else np.nan
+        return mask & (np.isin(others, leads) if leads is not None else others != alone)
 
     needed = {*places.values(), *(condition.place for condition in same_place)}
+    needed |= {place for role in wanted for place in by_role[role].places}
     read = rows.read(source, sorted(needed - texts), sorted(needed & texts), keep)
     if not read.n:
         return {}
     columns = {}
     for role in wanted:
-        column: Array | list[str] = (
-            read.texts[places[role]] if places[role] in texts else read.numbers[places[role]]
-        )
+        column = _cells(by_role[role], read, texts)
         if role == "lane":
             columns[role] = _codes(column, ())
         else:
@@ -181,11 +186,14 @@ def lead_columns(
     )
     out: dict[str, Array] = {}
     if lead is None:
-        lead = lead_rows.by_lane(t, values["lane"], clean(values["position"]), others)
+        lead = lead_rows.by_lane(t, values["lane"], clean(values["position"]), way, others)
         out["lead_id"] = lead
         notes.append(f"{source.name}: the vehicle ahead: the nearest in the same lane")
-    got = lead_rows.by_id(t, lead, others, [role for role in wanted if role in _OF_LEAD])
-    out |= {_OF_LEAD[role]: x for role, x in got.items() if _OF_LEAD[role] not in values}
+    got = lead_rows.by_id(t, lead, others, [role for role in wanted if role in OF_LEAD])
+    for role, x in got.items():
+        if OF_LEAD[role] not in values:
+            signed = role == "position" or (role == "speed" and positions.is_signed(x, way))
+            out[OF_LEAD[role]] = x * way if signed else x
     notes.append(f"{source.name}: {', '.join(out)}: from the rows of the vehicle ahead")
     return out
 

@@ -30,17 +30,23 @@ EXTRA = {
     "lane": "",
     "vehicle_id": "",
     "lead_id": "",
+    "own_id": "",  # in a table that has the rows of both vehicles of a pair
+    "episode": "",
 }
+# columns that name something: numbers or texts, not measured
+IDS = ("vehicle_id", "lead_id", "own_id", "lane", "episode")
 
 # usual names, apart from the role's own; compared as `Heading.name`. Left out are those that are used for several things
 # (spacing, throttle, delta_v, acceleration of what, distance from where): `--columns` names them
 ALIASES: dict[str, tuple[str, ...]] = {
     TIME: ("t", "timestamp", "time_stamp", "timestamps", "datetime", "date_time", "utc", "utc_time", "epoch",
-           "seconds", "elapsed_time", "time_since_start", "recording_time"),
+           "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time"),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
-              "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position"),
+              "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",
+              "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d"),
     "speed": ("v", "v_ego", "ego_speed", "own_speed", "vehicle_speed", "speed_ego", "vego", "velocity", "ego_velocity",
-              "speed_own", "car_speed", "follower_speed", "speed_follower", "self_speed", "v_follower", "host_speed"),
+              "speed_own", "car_speed", "follower_speed", "speed_follower", "self_speed", "v_follower", "host_speed",
+              "ground_speed", "speed_obd", "obd_speed", "speed_canbus"),
     "lead_speed": ("v_lead", "speed_lead", "leader_speed", "speed_leader", "lead_velocity", "preceding_speed",
                    "lead_vehicle_speed", "target_speed", "v_leader", "vlead", "lv_speed"),
     "gap": ("lead_distance", "distance_to_lead", "distance_gap", "gap_distance", "lead_gap", "d_rel", "drel",
@@ -51,19 +57,21 @@ ALIASES: dict[str, tuple[str, ...]] = {
     HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap"),
     "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
+    "episode": ("episode_id", "trajectory_id", "traj_id", "case_id", "event_id", "trip_id", "run_id", "segment_id"),
     "brake": ("brake_pressed", "brake_pedal", "brake_switch", "braking", "brake_active"),
     "steering_assist": ("lka_active", "lkas_active", "lane_assist", "lane_assist_active", "steer_assist"),
     "cruise_active": ("acc_active", "cruise", "cruise_control", "acc", "acc_on", "cruise_enabled", "cruise_on"),
     "clutch": ("clutch_pressed", "clutch_pedal"),
     "accel": ("a", "ax", "acceleration", "a_ego", "ego_accel", "ego_acceleration", "long_accel", "aego",
-              "longitudinal_acceleration", "own_acceleration", "accel_x", "vehicle_acceleration"),
+              "longitudinal_acceleration", "own_acceleration", "accel_x", "vehicle_acceleration", "longitudinal_acc",
+              "long_acc", "inline_acc"),
     "accel_command": ("accel_cmd", "commanded_acceleration", "acceleration_command", "target_acceleration"),
     "grade": ("slope", "road_grade"),
-    "altitude": ("alt", "elevation", "height"),
+    "altitude": ("alt", "elevation", "height", "gps_altitude"),
     "east": ("e", "easting", "east_m"),
     "north": ("n", "northing"),
-    "lat": ("latitude",),
-    "lon": ("longitude", "lng", "long"),
+    "lat": ("latitude", "gps_latitude"),
+    "lon": ("longitude", "lng", "long", "gps_longitude"),
     "yaw_rate": ("yawrate", "yaw_velocity"),
     "gnss_speed": ("gps_speed", "speed_gps", "speed_gnss"),
     "wheel_speed": ("wheelspeed",),
@@ -75,7 +83,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "curvature": ("road_curvature",),
 }  # fmt: skip
 # times since a fixed date; where a table has times of another name as well (`canid export --time utc`), those are taken
-DATED = ("utc", "utc_time", "epoch", "datetime", "date_time")
+DATED = ("utc", "utc_time", "epoch", "datetime", "date_time", "device_time", "gps_time")
 # positive = closing: the other sign
 CLOSING = ("closing_speed", "closing_rate", "closing_velocity", "approach_speed", "approach_rate")
 
@@ -108,12 +116,18 @@ def heading(text: str) -> Heading:
     if match is not None and match["name"]:
         unit = (match["square"] if match["square"] is not None else match["round"]).strip()
         plain = match["name"]
-    name = re.sub(r"[^0-9a-zA-Z%²°]+", "_", _CAMEL.sub("_", plain)).strip("_").lower()
+    name = _name(plain)
+    if unit is not None and (longer := _name(f"{plain} {unit}")) != name and longer in _NAMED:
+        return Heading(text, longer, None)  # "Speed (GPS)"
     if unit is None and name not in _NAMED:
         for ending in sorted(_ENDINGS, key=len, reverse=True):
             if name.endswith(f"_{ending}"):
                 return Heading(text, name.removesuffix(f"_{ending}"), _ENDINGS[ending])
     return Heading(text, name, unit)
+
+
+def _name(text: str) -> str:
+    return re.sub(r"[^0-9a-zA-Z%²°]+", "_", _CAMEL.sub("_", text)).strip("_").lower()
 
 
 def role_of(heading: Heading) -> str | None:

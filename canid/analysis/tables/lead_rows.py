@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.analysis.tables.positions import ways
 from canid.values.types import Array
 
 
@@ -54,31 +55,37 @@ def by_id(t: Array, lead: Array, others: Others, names: Sequence[str]) -> dict[s
     return out
 
 
-def by_lane(t: Array, lane: Array, position: Array, others: Others) -> Array:
-    """Id of the nearest vehicle ahead in the same lane at each time; NaN: none.
+def by_lane(t: Array, lane: Array, position: Array, way: Array, others: Others) -> Array:
+    """Id of the nearest vehicle ahead in the same lane and direction at each time; NaN: none.
 
     Args:
         t: (n,).
         lane: (n,).
-        position: (n,) along the road.
-        others: rows of other vehicles, with `lane` and `position`.
+        position: (n,) along the direction of travel.
+        way: (n,) 1, or -1: the position's sign is that of the other rows turned.
+        others: rows of other vehicles, with `lane` and `position` as the table has it.
 
     Example:
         >>> rows = Others(np.zeros(3), np.array([1.0, 2.0, 3.0]),
         ...     {"lane": np.array([1.0, 1.0, 2.0]), "position": np.array([50.0, 30.0, 20.0])})
-        >>> by_lane(np.zeros(1), np.ones(1), np.array([10.0]), rows)
+        >>> by_lane(np.zeros(1), np.ones(1), np.array([10.0]), np.ones(1), rows)
         array([2.])
+        >>> by_lane(np.zeros(1), np.ones(1), np.array([-60.0]), -np.ones(1), rows)
+        array([1.])
     """
-    order = np.lexsort((others.columns["position"], others.columns["lane"], others.t))
-    keys = np.rec.fromarrays(
-        [others.t[order], others.columns["lane"][order], others.columns["position"][order]]
-    )
-    own_keys = np.rec.fromarrays([t, lane, position])
-    place = np.searchsorted(keys, own_keys, side="right")
+    direction = ways(others.t, others.id, others.columns["position"])
+    # who hardly moves may be ahead of either direction
+    rows = np.concatenate([np.flatnonzero(direction >= 0.0), np.flatnonzero(direction <= 0.0)])
+    sign = np.repeat([1.0, -1.0], [(direction >= 0.0).sum(), (direction <= 0.0).sum()])
+    # a direction of a lane is a lane
+    lanes, places = 2.0 * others.columns["lane"][rows] + (sign < 0.0), sign * others.columns["position"][rows]
+    order = np.lexsort((places, lanes, others.t[rows]))
+    keys = np.rec.fromarrays([others.t[rows][order], lanes[order], places[order]])
+    own_lane = 2.0 * lane + (way < 0.0)
+    place = np.searchsorted(keys, np.rec.fromarrays([t, own_lane, position]), side="right")
     out = np.full(len(t), np.nan)
     inside = place < len(keys)
     at = order[place[inside]]
-    same = (others.t[at] == t[inside]) & (others.columns["lane"][at] == lane[inside])
-    ahead = np.where(same, others.id[at], np.nan)
-    out[inside] = ahead
+    same = (others.t[rows][at] == t[inside]) & (lanes[at] == own_lane[inside])
+    out[inside] = np.where(same, others.id[rows][at], np.nan)
     return out

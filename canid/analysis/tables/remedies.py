@@ -13,6 +13,7 @@ class Remedies(NamedTuple):
     vehicle: str  # how one of several vehicles is chosen
     map: str  # how one column is named; {role} and {column} are filled in
     counted: str  # what a table of numbered rows can do, behind the name of its column of times; "": nothing
+    everyone: str  # how all vehicles are taken, behind the list of them; "": they cannot be
 
     def column(self, role: str, column: str = "NAME") -> str:
         """How the column of a role is named.
@@ -30,12 +31,14 @@ COMMAND_LINE = Remedies(
     "choose one with --vehicle-id ID",
     '--columns MAP.toml with [columns] {role} = "{column}"',
     ' (time = { column = "row", rate = 10 } counts rows)',
+    "; or all of them, each an episode of its own, with --vehicle-id all",
 )
 FRAME = Remedies(
     'Name columns so, or by columns={"gap": "NAME", ...}',
     "select its rows before the call",
     "select the rows of one before the call",
     'columns={"{role}": "{column}"}',
+    "",
     "",
 )
 ARRAYS = FRAME._replace(columns="Give them as arguments of these names", map="{role}=...")

@@ -8,10 +8,13 @@ from typing import NamedTuple
 
 from canid.analysis.tables import column_map
 from canid.analysis.tables.column_map import ColumnEntry, ColumnMap
-from canid.analysis.tables.headings import DATED, EXTRA, HEADWAY, TIME, Heading, closing, heading, role_of
+from canid.analysis.tables.heading_readings import readings
+from canid.analysis.tables.headings import ALIASES, DATED, EXTRA, HEADWAY, TIME, Heading, closing, heading
 from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
+from canid.analysis.tables.source import Source
 from canid.signals.vehicle.quoting import brief, several
 from canid.signals.vehicle.schema import did_you_mean
+from canid.signals.vehicle.units import unit_of
 from canid.values.errors import ConfigError
 from canid.values.roles import ROLES
 
@@ -19,6 +22,8 @@ from canid.values.roles import ROLES
 LEAD_DISTANCE = ("gap", "spacing", HEADWAY, "position")
 LEAD_MOTION = ("range_rate", "lead_speed", "lead_id", "lane", "lead_position")
 
+# roles that no estimate is made of: of several columns one is taken
+_REDUNDANT = ("gnss_speed", "wheel_speed", "altitude", "lat", "lon")
 # columns that a message names
 MAX_DESCRIBED = 8
 
@@ -32,6 +37,13 @@ class Found(NamedTuple):
     sign_place: int = -1  # of `sign_of`
     closing: bool = False  # the range rate with the other sign
     date_place: int = -1  # of the dates, where times of day have them in a column of their own
+    points: tuple[int, ...] = ()  # of `between`: x, y, x, y
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """All columns that it is made of."""
+        measured = self.points or (self.place,)
+        return (*measured, *(place for place in (self.sign_place, self.date_place) if place >= 0))
 
 
 class Resolved(NamedTuple):
@@ -39,7 +51,7 @@ class Resolved(NamedTuple):
 
     found: Mapping[str, Found]
     map: ColumnMap
-    note: str = ""  # what was taken for granted
+    notes: tuple[str, ...] = ()  # what was judged or taken for granted
     numbers: tuple[int, ...] = ()  # of the vehicles, where columns are numbered by them
 
 
@@ -49,6 +61,7 @@ def resolve(
     name: str,
     number: int | None = None,
     says: Remedies = COMMAND_LINE,
+    source: Source | None = None,
 ) -> Resolved:
     """Find the columns.
 
@@ -58,6 +71,7 @@ def resolve(
         name: of the table, for messages.
         number: of the vehicle, where columns are numbered.
         says: what the user can do, for messages.
+        source: of the columns, by which a heading is judged that has several meanings; None: none is.
 
     Raises:
         ConfigError: two columns could be the same role, or a column of the map is not there.
@@ -70,7 +84,8 @@ def resolve(
     parsed = [heading(text) for text in headings]
     if by.entries:
         return _by_map(parsed, by, name, number, says)
-    made = Resolved(_by_heading(parsed, name, says), by)
+    by_name, notes = _by_heading(parsed, name, says, source)
+    made = Resolved(by_name, by, tuple(f"{name}: {note}" for note in notes))
     if _follows(made.found) or by.driver is not None:
         return made
     for title in column_map.shipped():
@@ -82,7 +97,7 @@ def resolve(
         timed = TIME in other or (candidate.entries[TIME].rate is not None and not candidate.header)
         if timed and _follows(other) and len(other) > len(made.found) - (TIME in made.found):
             resolved = _by_map(parsed, candidate, name, number, says)
-            return resolved._replace(note=f"{name}: read as {candidate.name} (--columns {title})")
+            return resolved._replace(notes=(f"{name}: read as {candidate.name} (--columns {title})",))
     return made
 
 
@@ -91,27 +106,66 @@ def _follows(by_role: Mapping[str, Found]) -> bool:
     return own_motion and any(x in by_role for x in LEAD_DISTANCE) and any(x in by_role for x in LEAD_MOTION)
 
 
-def _by_heading(parsed: Sequence[Heading], name: str, says: Remedies) -> dict[str, Found]:
+def _by_heading(
+    parsed: Sequence[Heading], name: str, says: Remedies, source: Source | None
+) -> tuple[dict[str, Found], list[str]]:
+    """The columns by their headings, and what was judged."""
+    read = readings(parsed, source, says)
+    notes = list(read.notes)
     candidates: dict[str, list[int]] = {}
-    for place, column in enumerate(parsed):
-        role = role_of(column)
-        if role is not None:
-            candidates.setdefault(role, []).append(place)
+    for place, role in read.roles.items():
+        candidates.setdefault(role, []).append(place)
     by_role = {}
     for role, places in candidates.items():
-        if role == TIME:
-            places = [place for place in places if parsed[place].name not in DATED] or places
         exact = [place for place in places if parsed[place].name == role]
-        if len(exact) > 1 or (len(places) > 1 and not exact):
-            same = [parsed[place].text for place in exact or places]
+        if role == TIME and not exact:
+            places = _times(places, parsed, source)
+        chosen = exact or places
+        any_will_do = (
+            role == TIME or role in _REDUNDANT or _same_quantity([parsed[place] for place in chosen])
+        )
+        if len(chosen) > 1 and any_will_do:
+            if role != TIME:
+                chosen = sorted(chosen, key=lambda place: not _is_base(parsed[place]))
+            second = several([brief(parsed[place].text.strip()) for place in chosen[1:]])
+            notes.append(
+                f"{role}: taken from {brief(parsed[chosen[0]].text.strip())}; there is {second} as well"
+            )
+            chosen = chosen[:1]
+        if len(chosen) > 1:
+            same = [parsed[place].text for place in chosen]
             raise ConfigError(
                 f"{name}: {role} could be {several(same)}; name the one that is meant: "
                 f"{says.column(role, brief(same[0]))}"
             )
-        place = (exact or places)[0]
+        place = chosen[0]
         entry = ColumnEntry.model_validate(parsed[place].text)
         by_role[role] = Found(place, entry, parsed[place].unit, closing=closing(parsed[place]))
-    return by_role
+    if source is not None and "speed" not in by_role and "gnss_speed" in by_role:
+        by_role["speed"] = by_role.pop("gnss_speed")
+        notes.append("speed: the one by satellite, since there is no other")
+    return by_role, notes
+
+
+def _times(places: Sequence[int], parsed: Sequence[Heading], source: Source | None) -> list[int]:
+    """Columns that may hold the times, the best first: those that advance, not dates, in the order of `ALIASES`."""
+    sample = source.sample() if source is not None and len(places) > 1 else []
+    advance = [place for place in places if not sample or len({*sample[place]}) > 1] or list(places)
+    undated = [place for place in advance if parsed[place].name not in DATED] or advance
+    return sorted(undated, key=lambda place: ALIASES[TIME].index(parsed[place].name))
+
+
+def _same_quantity(columns: Sequence[Heading]) -> bool:
+    """Whether columns of one name differ in their units alone."""
+    units = [unit_of(column.unit or "") for column in columns]
+    dimensions = {unit.dimension for unit in units if unit is not None}
+    different = len({column.unit for column in columns}) == len(columns)
+    return different and None not in units and len(dimensions) == 1 and len({x.name for x in columns}) == 1
+
+
+def _is_base(column: Heading) -> bool:
+    unit = unit_of(column.unit or "")
+    return unit is not None and unit.factor == 1.0
 
 
 def place_of(wanted: str, parsed: Sequence[Heading]) -> int:
@@ -148,6 +202,10 @@ def _entries(parsed: Sequence[Heading], by: ColumnMap, number: int | None) -> di
             sign = place_of(_filled(entry.sign_of, number), parsed) if entry.sign_of else -1
             unit = entry.unit if entry.unit is not None else parsed[places[0]].unit
             by_role[role] = Found(places[0], entry, unit, sign)
+            continue
+        points = tuple(place_of(name, parsed) for name in entry.between or ())
+        if points and min(points) >= 0:
+            by_role[role] = Found(points[0], entry, entry.unit or parsed[points[0]].unit, points=points)
     return by_role
 
 

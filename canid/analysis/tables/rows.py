@@ -158,6 +158,7 @@ def vehicles(
     lead: int | None,
     selection: Sequence[Where],
     texts: Sequence[int],
+    none: Sequence[float] = (),
 ) -> dict[str, tuple[int, int]]:
     """Vehicles of a table: id -> its rows, and those behind a lead.
 
@@ -168,6 +169,7 @@ def vehicles(
         lead: place of the column that shows that there is a lead: not 0, not empty; None: there is none.
         selection: rows that count.
         texts: places that are read as texts.
+        none: numbers of `lead` that say that there is none.
 
     Raises:
         ConfigError: too many to be vehicles.
@@ -187,7 +189,9 @@ def vehicles(
         behind = mask.copy()
         if lead is not None and lead in values:
             x = values[lead]
-            behind &= np.isfinite(x) & (x != EMPTY) & (x != NO_NUMBER) & (x != 0.0)
+            behind &= np.isfinite(x) & (x != EMPTY) & (x != NO_NUMBER) & (x != 0.0) & ~np.isin(x, none)
+        elif lead is not None:
+            behind &= np.array([bool(cell.strip()) for cell in words[lead]], bool)
         ids = np.array(column)
         keys, inverse = np.unique(ids, return_inverse=True)
         rows = np.bincount(inverse[mask], minlength=len(keys))

@@ -11,6 +11,8 @@ import numpy as np
 from canid.analysis.drive import drive_reader
 from canid.analysis.tables import (
     column_values,
+    episodes,
+    positions,
     role_values,
     rows,
     time_column,
@@ -44,6 +46,7 @@ class Table(NamedTuple):
     notes: tuple[str, ...]  # what was derived, taken for granted or left out, sentences
     damaged: int  # lines that could not be read
     sorted: str  # a sentence, where rows were not in the order of time
+    judged: tuple[str, ...] = ()  # those of the notes that say how the headings were read, where no map does
 
 
 class Selection(NamedTuple):
@@ -51,6 +54,7 @@ class Selection(NamedTuple):
 
     where: tuple[str, ...] = ()  # NAME=VALUE
     vehicle_id: str | None = None
+    named: bool = False  # the columns' names are roles; none is judged by its values
 
 
 def open_table(
@@ -97,10 +101,11 @@ def table_of(
     """A table of any source; see `open_table`. `says`: what the user can do, for messages."""
     chosen, turn = (None, 0) if selection.vehicle_id is None else vehicle_ids.numbered(selection.vehicle_id)
     numbered = int(chosen) if chosen is not None and chosen.isdecimal() and len(chosen) < 4 else None
-    resolved = resolve(source.headings, by, source.name, numbered, says)
+    resolved = resolve(source.headings, by, source.name, numbered, says, None if selection.named else source)
     by_role = date_column.with_dates(source, resolved.found)
-    notes = [*source.notes, *([resolved.note] if resolved.note else [])]
+    notes = [*source.notes, *resolved.notes]
     by = resolved.map
+    judged = () if by.entries else resolved.notes
     if TIME not in by_role and not (TIME in by.entries and by.entries[TIME].rate):
         raise ConfigError(
             f"{source.name}: no column of times; call it time [s] (or t, timestamp), or name it: "
@@ -109,23 +114,28 @@ def table_of(
         )
     wheres = rows.wheres(selection.where, source.headings, source.name)
     texts = vehicle_choice.text_places(source, by_role, wheres)
-    one_of_many = "vehicle_id" in by_role and not resolved.numbers
+    # a vehicle may be called so itself
+    everyone = (
+        chosen == episodes.ALL
+        and "vehicle_id" in by_role
+        and not resolved.numbers
+        and episodes.ALL not in source.sample()[by_role["vehicle_id"].place]
+    )
+    stacked_by = episodes.key(by_role, everyone)
+    one_of_many = "vehicle_id" in by_role and not resolved.numbers and not stacked_by
     if chosen is not None and turn and (not one_of_many or vehicle_choice.is_text_id(source, by_role)):
         chosen, turn = selection.vehicle_id, 0  # an id that holds a "#" itself
-    if chosen is not None and not resolved.numbers:
-        if not one_of_many:
+    if chosen is not None and not resolved.numbers and not everyone:
+        # of pairs the follower is chosen; where no vehicle has an id, an episode
+        ids = [role for role in ("own_id", "vehicle_id", "episode") if role in by_role]
+        if not ids:
             raise ConfigError(
                 f"{source.name}: --vehicle-id: it has no column of vehicles' ids; select with --where NAME={brief(chosen)}"
             )
-        wheres.append(rows.Where(by_role["vehicle_id"].place, chosen))
+        wheres.append(rows.Where(by_role[ids[0]].place, chosen))
     if one_of_many and not any(condition.place == by_role["vehicle_id"].place for condition in wheres):
         wheres += vehicle_choice.only_vehicle(source, by_role, texts, wheres, says)
-    wanted = {
-        place
-        for column in by_role.values()
-        for place in (column.place, column.sign_place, column.date_place)
-        if place >= 0
-    }
+    wanted = {place for column in by_role.values() for place in column.places}
     wanted |= {condition.place for condition in wheres}
     of_id = vehicle_ids.Columns((), (), -1)
     if one_of_many and TIME in by_role:
@@ -145,8 +155,14 @@ def table_of(
         )
         lacks = f"none of its {source.count.read:,} rows has {brief(what)}" if what else "it has no rows"
         raise ConfigError(f"{source.name}: {lacks}")
-    times, table, order = column_values.in_order(by_role, by, table, texts, source.name, says)
-    notes += [order] if order else []
+    stacked = episodes.stacked(by_role, by, table, texts, source.name, stacked_by) if stacked_by else None
+    if stacked is None:
+        times, table, order = column_values.in_order(by_role, by, table, texts, source.name, says)
+        notes += [order] if order else []
+    else:
+        table, times, order = stacked.table, stacked.times, ""
+        notes.append(stacked.note)
+        judged += () if by.entries else (stacked.note,)
     notes += [times.note] if times.note else []
     same_place: list[rows.Where] = []
     if one_of_many and TIME in by_role:
@@ -154,7 +170,20 @@ def table_of(
             source, resolved, of_id, table, times, turn, notes, says
         )
     values = column_values.values_of(by_role, table, texts, source.name, notes)
-    values |= column_values.lead_columns(source, by_role, texts, table, values, same_place, notes)
+    if stacked is not None and "own_id" in by_role:
+        table, times, values = episodes.of_pairs(stacked, values)
+    else:
+        of_vehicle = np.zeros(table.n) if stacked is None else stacked.code.astype(float)
+        way = positions.turned(times.t, of_vehicle, values, by_role, source.name, notes)
+        values |= column_values.lead_columns(source, by_role, texts, table, values, way, same_place, notes)
+        if stacked is not None and everyone:
+            table, times, values, note = episodes.followers(table, times, values, stacked.code, source.name)
+            notes += [note] if note else []
+    if one_of_many and "lead_id" in values and not np.isfinite(values["lead_id"]).any():
+        raise ConfigError(
+            f"{source.name}: the vehicle has none ahead in any of its {len(times.t):,} rows; choose another one"
+        )
+    positions.fronts(values, by_role)
     _count_times(times, by_role, table, source.count)
     t, values, start_ns = column_values.timed(times, values, source.name, notes)
     made, driver = role_values.derived(role_values.Values(values, notes), t, by.driver, source.name)
@@ -173,9 +202,8 @@ def table_of(
         by.path,
     )
     log.count = source.count
-    return Table(
-        log, vehicle, described(by_role, source.headings), tuple(made.notes), source.count.bad, order
-    )
+    columns = described(by_role, source.headings)
+    return Table(log, vehicle, columns, tuple(made.notes), source.count.bad, order, judged)
 
 
 def _count_times(

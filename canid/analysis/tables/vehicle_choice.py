@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.analysis.tables import row_order, rows, time_column, vehicle_ids
-from canid.analysis.tables.headings import TIME
+from canid.analysis.tables.headings import IDS, TIME
 from canid.analysis.tables.remedies import Remedies
 from canid.analysis.tables.resolution import Found, Resolved
 from canid.analysis.tables.source import Source, clean
@@ -30,7 +30,7 @@ def text_places(source: Source, by_role: Mapping[str, Found], wheres: Sequence[r
             if time_column.is_text(sample[column.place]):
                 texts |= {column.place, column.date_place} - {-1}
         elif rows.is_text(sample[column.place]) and (
-            role in ("vehicle_id", "lead_id", "lane") or (role in ROLES and ROLES[role].kind == "bool")
+            role in IDS or (role in ROLES and ROLES[role].kind == "bool")
         ):
             texts.add(column.place)
     return texts | {condition.place for condition in wheres if rows.is_text(sample[condition.place])}
@@ -45,14 +45,15 @@ def only_vehicle(
 ) -> list[rows.Where]:
     """The only vehicle there is. Raises ConfigError where there are several."""
     place = by_role["vehicle_id"].place
-    lead = next((by_role[x].place for x in ("lead_id", "gap", "spacing") if x in by_role), None)
-    counts = rows.vehicles(source, place, place in texts, lead, wheres, sorted(texts))
+    shows = next((by_role[x] for x in ("lead_id", "gap", "spacing") if x in by_role), None)
+    lead, none = (None, ()) if shows is None else (shows.place, shows.entry.none)
+    counts = rows.vehicles(source, place, place in texts, lead, wheres, sorted(texts), none)
     if len(counts) <= 1:
         return []
     dt = _step(source, by_role, texts, wheres, counts)
     raise ConfigError(
         f"{source.name}: holds {len(counts):,} vehicles: {says.vehicle}; "
-        f"{rows.listed(counts, dt, lead is not None)}"
+        f"{rows.listed(counts, dt, lead is not None)}{says.everyone}"
     )
 
 

@@ -17,7 +17,7 @@ class Unit(NamedTuple):
 # 1852 m/h).
 _KMH, _MPH, _KNOT = 1 / 3.6, 0.44704, 1852 / 3600
 _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
-    ("speed", 1.0, ("m/s", "mps", "ms-1", "meter/sec", "m/sec")),
+    ("speed", 1.0, ("m/s", "mps", "ms-1", "meter/sec", "m/sec", "meters/second", "metres/second")),
     ("speed", _KMH, ("km/h", "kph", "kmh", "kmph", "km/hr", "kmh-1")),
     ("speed", _MPH, ("mph", "mi/h", "mile/h", "miles/h")),
     ("speed", _KNOT, ("kn", "knot", "knots", "kt")),

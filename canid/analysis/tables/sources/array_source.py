@@ -17,12 +17,17 @@ from canid.values.types import Array
 class ArraySource:
     """Columns in memory, all of one length."""
 
-    notes: Sequence[str] = ()
-
-    def __init__(self, columns: Mapping[str, Any], name: str = "the table", count: LineCount | None = None):
+    def __init__(
+        self,
+        columns: Mapping[str, Any],
+        name: str = "the table",
+        count: LineCount | None = None,
+        notes: Sequence[str] = (),
+    ):
         """Take the columns. Raises ValueError where one of them is not one-dimensional, or has another length."""
         self.name = name
         self.rows = 0
+        self.notes = notes
         self._lines = count  # of the file that was read
         self.count = LineCount()
         self.progress = 1.0

@@ -35,5 +35,5 @@ def source_of(path: str | Path, by: ColumnMap) -> Source:
         if np.isfinite(vbo.start_utc):
             t = np.round((vbo.start_utc + vbo.t) * 1e9).astype("datetime64[ns]")
         named = {f"{name} [{unit}]" if unit else name: x for name, (x, unit) in vbo.columns.items()}
-        return ArraySource({TIME: t, **named}, str(path), vbo.lines)
+        return ArraySource({TIME: t, **named}, str(path), vbo.lines, vbo.notes)
     return text_source(file, by.header)

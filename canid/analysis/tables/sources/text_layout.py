@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from canid.analysis.tables import time_column
 from canid.analysis.tables.headings import TIME, heading, role_of
 from canid.analysis.tables.source import MAX_COLUMNS
 from canid.signals.vehicle.units import unit_of
@@ -18,6 +19,12 @@ MAX_PREAMBLE_LINES = 60
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
 _DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.IGNORECASE)
+# may be a number of thousands; 0,100 and 12,5 cannot
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+# a heading of RaceCapture: "Speed"|"MPH"|0.0|150.0|10: name, unit, least and largest value, rate
+_RACECAPTURE = re.compile(r'"?(?P<name>[^"|]+)"?\|"?(?P<unit>[^"|]*)"?(\|-?[\d.]+){3}')
+# lines of text between the names and the first row: RaceChrono has units and sources, and names may be repeated
+MAX_TEXT_LINES = 3
 
 
 class Layout(NamedTuple):
@@ -27,7 +34,17 @@ class Layout(NamedTuple):
     delimiter: str  # "": white space
     decimal_comma: bool
     skip: int  # lines before the first row
+    header: int  # the first of them that is of the header, from 0
     encoding: str
+
+
+class _Header(NamedTuple):
+    """A line of names and what belongs to it."""
+
+    score: tuple[int, int, int]  # of several candidates the largest is it
+    names: list[str]
+    lines: list[int]  # of text below the names
+    first: int  # the line of the first row
 
 
 def encoding_of(lines: Sequence[bytes]) -> str:
@@ -71,52 +88,97 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
         (('time', 'gap [m]'), ';', True, 1)
     """
     lines = [line.removeprefix("\ufeff") for line in lines]
-    best: tuple[tuple[int, int, int], int, str] | None = None
+    best: tuple[_Header, int, str] | None = None
     delimiters = DELIMITERS if any(d in line for line in lines for d in DELIMITERS) else ("",)
     for delimiter in delimiters:
         rows = [split(line, delimiter) for line in lines]
         for k in range(min(len(rows), MAX_PREAMBLE_LINES)):
-            score = _score(rows, k)
-            if score is not None and (best is None or score > best[0]):
-                best = score, k, delimiter
+            candidate = _header(rows, k)
+            if candidate is not None and (best is None or candidate.score > best[0].score):
+                best = candidate, k, delimiter
     numeric = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
     if names and numeric is not None and best is None:
         candidates = [(len(split(lines[numeric], d)), d) for d in (*DELIMITERS, "")]
         cells, delimiter = max(candidates, key=lambda candidate: candidate[0])
         if cells < len(names):
             raise LogError(f"{name}: its rows have {cells} cells; the mapping names {len(names)} columns")
-        return _layout(tuple(names), delimiter, lines[numeric:], numeric, encoding)
+        return _layout(tuple(names), delimiter, lines[numeric:], numeric, numeric, encoding)
     if best is None:
         raise LogError(f"{name}: {_missing(lines)}")
-    _, k, delimiter = best
-    header = split(lines[k].lstrip("#").lstrip() if lines[k].startswith("#") else lines[k], delimiter)
-    if len(header) > MAX_COLUMNS:
-        raise LogError(f"{name}: has {len(header):,} columns; at most {MAX_COLUMNS:,} are read")
-    units = split(lines[k + 1], delimiter)
-    if _units(units):
-        header = [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(header, units, strict=False)]
-        k += 1
-    return _layout(tuple(header), delimiter, lines[k + 1 :], k + 1, encoding)
+    header, k, delimiter = best
+    if lines[k].startswith("#"):
+        header = header._replace(
+            names=[_plain(cell) for cell in split(lines[k].lstrip("#").lstrip(), delimiter)]
+        )
+    if len(header.names) > MAX_COLUMNS:
+        raise LogError(f"{name}: has {len(header.names):,} columns; at most {MAX_COLUMNS:,} are read")
+    texts = [split(lines[j], delimiter) for j in header.lines]
+    return _layout(
+        _headings(header.names, texts), delimiter, lines[header.first :], header.first, k, encoding
+    )
 
 
-def _score(rows: list[list[str]], k: int) -> tuple[int, int, int] | None:
-    """How well line k is a header: it names a time, cells that are filled, the earlier line; None: it is none."""
-    row = rows[k]
-    filled = [cell for cell in row if cell]
+def _plain(cell: str) -> str:
+    """A heading as others are written.
+
+    >>> _plain('"Speed"|"MPH"|0.0|150.0|10'), _plain("gap [m]")
+    ('Speed [MPH]', 'gap [m]')
+    """
+    match = _RACECAPTURE.fullmatch(cell)
+    if match is None:
+        return cell
+    return f"{match['name']} [{match['unit']}]" if match["unit"] else match["name"]
+
+
+def _header(rows: list[list[str]], k: int) -> _Header | None:
+    """Line k as a header, scored: it names a time, cells that are filled, the earlier line; None: it is none."""
+    names = [_plain(cell) for cell in rows[k]]
+    filled = [cell for cell in names if cell]
     if len(filled) < 2 or len({*filled}) < len(filled) / 2:
         return None
     if sum(_is_number(cell) for cell in filled) > 0.2 * len(filled):
         return None
-    follow = rows[k + 1 : k + 2]
-    if follow and _units(follow[0]):
-        follow = rows[k + 2 : k + 3]
-    if not follow or len(follow[0]) < 2 or not any(_is_number(cell) for cell in follow[0]):
+    time = next((j for j, cell in enumerate(names[:MAX_COLUMNS]) if role_of(heading(cell)) == TIME), -1)
+    first, texts = k + 1, list[int]()
+    while first < len(rows) and len(texts) <= MAX_TEXT_LINES:
+        if any(rows[first]):
+            if _is_row(rows[first], time):
+                break
+            texts.append(first)
+        first += 1
+    if first >= len(rows) or len(rows[first]) < 2 or not any(map(_is_number, rows[first])):
         return None
     # a last delimiter without a cell is no cell
-    if abs(len(follow[0]) - len(row)) > 1:
+    if abs(len(rows[first]) - len(names)) > 1:
         return None
-    timed = any(role_of(heading(cell)) == TIME for cell in filled[:MAX_COLUMNS])
-    return int(timed), len(filled), -k
+    return _Header((int(time >= 0), len(filled), -k), names, texts, first)
+
+
+def _is_row(cells: list[str], time: int) -> bool:
+    """Whether a line is a row: it holds a number, or a digit where the time is."""
+    stamp = cells[time] if 0 <= time < len(cells) else ""
+    return any(map(_is_number, cells)) or any(map(str.isdigit, stamp))
+
+
+def _headings(names: list[str], texts: list[list[str]]) -> tuple[str, ...]:
+    """The names with the units of a line of units; equal names with what another line says of them.
+
+    >>> _headings(["time", "speed", "speed"], [["s", "m/s", "m/s"], ["", "100: gps", "calc"]])
+    ('time [s]', 'speed gps [m/s]', 'speed calc [m/s]')
+    """
+    units = next((cells for cells in texts if _units(cells)), [])
+    sources = next((cells for cells in texts if cells != units and cells != names), [])
+    out = []
+    for k, name in enumerate(names):
+        unit = units[k].strip("[]()- ") if k < len(units) else ""
+        source = sources[k].rpartition(":")[2].strip() if k < len(sources) else ""
+        if name and source and names.count(name) > 1:
+            name = f"{name} {source}"
+        stated = heading(name)
+        # what a line of units says of a time may be no unit, as "unix time"
+        known = role_of(stated) != TIME or time_column.unit_name(unit) is not None
+        out.append(f"{name} [{unit}]" if unit and known and stated.unit is None else name)
+    return tuple(out)
 
 
 def _missing(lines: Sequence[str]) -> str:
@@ -138,16 +200,18 @@ def _is_number(cell: str) -> bool:
 
 
 def _units(cells: list[str]) -> bool:
-    """Whether a line holds the columns' units."""
+    """Whether a line holds the columns' units: most of its cells are some, and none is a number."""
     filled = [cell.strip("[]() ") for cell in cells if cell.strip("[]()- ")]
-    return bool(filled) and all(unit_of(cell) is not None and not _is_number(cell) for cell in filled)
+    known = sum(unit_of(cell) is not None for cell in filled)
+    return known * 2 >= max(len(filled), 1) and not any(map(_is_number, filled))
 
 
 def _layout(
-    headings: tuple[str, ...], delimiter: str, rows: Sequence[str], skip: int, encoding: str
+    headings: tuple[str, ...], delimiter: str, rows: Sequence[str], skip: int, header: int, encoding: str
 ) -> Layout:
-    comma = False
-    if delimiter != ",":
-        cells = [cell for line in rows for cell in split(line, delimiter)]
-        comma = any(map(_DECIMAL_COMMA.fullmatch, cells)) and not any(map(_DECIMAL_POINT.fullmatch, cells))
-    return Layout(headings, delimiter, comma, skip, encoding)
+    cells = [cell for line in rows for cell in split(line, delimiter)]
+    commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
+    if delimiter == ",":  # in quotes, where a comma may separate thousands as well
+        commas = [cell for cell in commas if not _THOUSANDS.fullmatch(cell)]
+    comma = bool(commas) and not any(map(_DECIMAL_POINT.fullmatch, cells))
+    return Layout(headings, delimiter, comma, skip, header, encoding)

@@ -20,6 +20,10 @@ from canid.io.logs.text_lines import line as line_of
 _Bools = npt.NDArray[np.bool_]
 _HASH, _QUOTE, _NUL, _FEED, _RETURN = b'#"\0\n\r'
 _BLANKS = np.array([chr(k).isspace() for k in range(256)])
+# TunerStudio's lines that say where a mark was set
+_MARKS = b"MARK "
+# bytes by which a line of the header is recognised before its cells are: a quote and some letters
+_BEGIN_BYTES = 4
 HEADERS, COMMENTS = "header lines", "comments"
 
 
@@ -122,10 +126,12 @@ class RowForm(NamedTuple):
         at = np.flatnonzero(octets == _NUL)
         doubtful[np.searchsorted(ends, at, "right")] = True
         if self.headers:
-            sizes = ends - begin
-            for size in {len(header) for header in self.headers}:
-                # with a line feed, with a carriage return as well, or with neither at the end of the file
-                doubtful |= (sizes >= size) & (sizes <= size + 2) & ~_numeric(octets[begin])
+            # a line that begins as one of the header's does may be that line
+            padded = np.concatenate([octets, np.zeros(_BEGIN_BYTES, np.uint8)])
+            first = padded[begin[:, None] + np.arange(_BEGIN_BYTES)]
+            for header in self.headers:
+                known = np.frombuffer(header[:_BEGIN_BYTES], np.uint8)
+                doubtful |= (first[:, : len(known)] == known).all(axis=1) & ~_numeric(octets[begin])
         return good, quoted, doubtful
 
     def _quoted(
@@ -154,7 +160,7 @@ class RowForm(NamedTuple):
         text = line.rstrip(b"\r\n")
         if not text.strip():
             return None
-        if text in self.headers:
+        if text.split() in [header.split() for header in self.headers]:
             count.others[HEADERS] += 1
             return None
         if b"\0" in text:
@@ -164,6 +170,9 @@ class RowForm(NamedTuple):
         except ValueError as error:
             return str(error)
         why = self.wrong(cells)
+        if why and text.startswith(_MARKS):
+            count.others[COMMENTS] += 1
+            return None
         if text.startswith(b"#") and not self.hashes:
             if why:
                 count.others[COMMENTS] += 1
@@ -178,12 +187,15 @@ def _numeric(first: npt.NDArray[np.uint8]) -> _Bools:
     return numeric
 
 
-def form(texts: Sequence[bytes], numbers: Sequence[int], skip: int, delimiter: str, encoding: str) -> RowForm:
+def form(
+    texts: Sequence[bytes], numbers: Sequence[int], header: int, skip: int, delimiter: str, encoding: str
+) -> RowForm:
     """Judge how many cells a row has.
 
     Args:
         texts: the first lines, without their ends.
         numbers: of these lines.
+        header: the first of the header's lines.
         skip: how many of them come before the first row.
         delimiter: "": white space.
         encoding: of the file.
@@ -195,7 +207,7 @@ def form(texts: Sequence[bytes], numbers: Sequence[int], skip: int, delimiter: s
         encoding.removesuffix("-sig"),
         0,
         numbers[skip - 1] if skip else 0,
-        frozenset(text.removeprefix(b"\xef\xbb\xbf") for text in texts[max(skip - 2, 0) : skip]),
+        frozenset(text.removeprefix(b"\xef\xbb\xbf") for text in texts[header:skip] if text.strip()),
         hashes,
     )
     widths: Counter[int] = Counter()

@@ -46,7 +46,7 @@ class TextSource:
         self._layout = layout(shown, encoding, str(path), names)
         self.headings: Sequence[str] = self._layout.headings
         delimiter, skip = self._layout.delimiter, self._layout.skip
-        self._form = form(texts, numbers, skip, delimiter, encoding)
+        self._form = form(texts, numbers, self._layout.header, skip, delimiter, encoding)
         rows = []
         for text in texts[skip:]:
             try:
@@ -123,7 +123,7 @@ class TextSource:
         """The numbers; None: not all cells are numbers."""
         data = rows.data or b"".join(rows.texts)
         d = self._form.delimiter
-        if b'"' in data or b"_" in data:
+        if b'"' in data or b"_" in data or (self._layout.decimal_comma and d == b","):
             return None
         if self._layout.decimal_comma:
             data = data.replace(b",", b".")

@@ -24,14 +24,18 @@ from canid.values.errors import ConfigError, DamagedLogError, LogError
 from canid.values.types import Array
 
 DAY_S = 86_400.0
+LAT, LON = "lat", "lon"
+# degrees; what is less in both, taken as minutes, is ocean in the Gulf of Guinea: it is in degrees
+_MAX_LAT, _MAX_LON = 90.0, 180.0
+_OF_MINUTES = 1.0 / 60.0
 # bytes of a file: 24 h of 40 columns at 10 Hz
 MAX_BYTES = 500_000_000
-# words of the titles of standard channels: canid's name, unit, factor. https://developers.racelogic.co.uk lists them
+# words of the titles of standard channels: canid's name, unit, factor; positions are in minutes, see `_position`.
+# https://developers.racelogic.co.uk lists them
 _STANDARD: tuple[tuple[str, str, str, float], ...] = (
     (r"sats|satellites", "satellites", "", 1.0),
-    (r"lat|latitude", "lat", "deg", 1.0 / 60.0),
-    # positive to the west in the file
-    (r"long|longitude", "lon", "deg", -1.0 / 60.0),
+    (r"lat|latitude", LAT, "deg", 1.0),
+    (r"long|longitude", LON, "deg", 1.0),
     (r"heading", "heading", "deg", 1.0),
     (r"height", "altitude", "m", 1.0),
 )
@@ -57,6 +61,7 @@ class Vbo(NamedTuple):
     ]  # satellites, lat, lon (deg, east positive), speed, heading, altitude; others as named
     start_utc: float  # s since 1970 UTC of the first row; NaN where the file states no date
     lines: LineCount  # rows, lines that are none, and damaged ones
+    notes: tuple[str, ...] = ()  # what was judged, sentences
 
 
 def read_vbo(path: str | Path) -> Vbo:
@@ -108,7 +113,30 @@ def read_vbo(path: str | Path) -> Vbo:
             continue
         made, unit, factor = _meaning(name, title, units)
         columns[made if made not in columns else f"{made}_{k}"] = VboColumn(values[:, k] * factor, unit)
-    return Vbo(seconds - seconds[0], columns, _start(header, float(seconds[0])), count)
+    notes = _position(columns, str(path))
+    return Vbo(seconds - seconds[0], columns, _start(header, float(seconds[0])), count, notes)
+
+
+def _position(columns: dict[str, VboColumn], name: str) -> tuple[str, ...]:
+    """Put the position in degrees, east and north positive; leave it out where it can be neither form.
+
+    Racelogic writes minutes with the longitude positive to the west; other loggers write degrees, positive to the east.
+    """
+    if not {LAT, LON} <= columns.keys():
+        return ()
+    # zeros stand for no position
+    size = [np.abs(columns[role].value) for role in (LAT, LON)]
+    lat, lon = (float(np.median(known)) if (known := x[x > 0.0]).size else 0.0 for x in size)
+    if lat <= _MAX_LAT and lon <= _MAX_LON:
+        return (f"{name}: the position is in degrees, east positive",) if lat + lon > 0.0 else ()
+    if lat * _OF_MINUTES > _MAX_LAT or lon * _OF_MINUTES > _MAX_LON:
+        del columns[LAT], columns[LON]
+        return (
+            f"{name}: the position of {lat:g} and {lon:g} is neither in minutes nor in degrees; it was left out",
+        )
+    columns[LAT] = VboColumn(columns[LAT].value * _OF_MINUTES, "deg")
+    columns[LON] = VboColumn(columns[LON].value * -_OF_MINUTES, "deg")
+    return ()
 
 
 def _read(file: Path) -> tuple[str, dict[str, list[str]], Array | None, LineCount]:
@@ -141,7 +169,8 @@ def _read(file: Path) -> tuple[str, dict[str, list[str]], Array | None, LineCoun
                 elif name and (line or name == "channel units") and len(sections[name]) < MAX_COLUMNS:
                     sections[name].append(line)
             elif line:
-                cells = line.split()
+                # values are separated by blanks: a comma is a decimal one
+                cells = line.replace(",", ".").split()
                 why = "" if len(cells) == width else f"has {len(cells)} values, and there are {width} columns"
                 if not why and time >= 0 and not 0.0 <= _number(cells[time]) <= _MAX_CLOCK:
                     why = "its time is damaged"

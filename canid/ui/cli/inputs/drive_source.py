@@ -50,7 +50,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--columns",
         metavar="MAP",
-        help="which column is which: a TOML file with [columns], or one of ngsim, highd, openacc, openpilot, follownet",
+        help="which column is which: a TOML file with [columns], or one of citysim, follownet, highd, lyft, ngsim, openacc, "
+        "openpilot, sumo, ultra_av, waymo",
     )
     group.add_argument(
         "--where",
@@ -62,7 +63,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--vehicle-id",
         metavar="ID",
-        help="the vehicle, in a table of several; ID#2: the second one that has this id",
+        help="the vehicle, in a table of several; ID#2: the second one that has this id; all: one estimate over all, "
+        "each an episode",
     )
 
 
