@@ -76,9 +76,10 @@ def resolve_tracks(
         part: _names(entry.signal, f"lead.{part}") for part, entry in entries.items() if entry is not None
     }
     wrong = [names for names in named.values() if isinstance(names, str)]
-    per_track = {part: names for part, names in named.items() if not isinstance(names, str)}
-    if wrong or isinstance(per_track := _per_track(per_track, lead, files), str):
-        mistakes.errors.extend(wrong or [str(per_track)])
+    lists = {part: names for part, names in named.items() if not isinstance(names, str)}
+    per_track = wrong[0] if wrong else _per_track(lists, lead, files)
+    if isinstance(per_track, str):
+        mistakes.errors.extend(wrong or [per_track])
         return None
     tracks = []
     warned: Counter[str] = Counter()
