@@ -332,7 +332,7 @@ def read_trace(path: str | Path, vehicle: Vehicle | str | Path, dt: float = pipe
     """Read a log as uniform columns: signals decoded, lead chosen and smoothed, gates judged.
 
     Args:
-        path: .blf, .asc, candump .log, .csv, .trc or .mf4.
+        path: .blf, .asc, candump .log, .csv, .trc, .mf4, .pcap or .pcapng.
         vehicle: a vehicle file, its name, or what `read_vehicle` returned.
         dt: step of the grid, s.
 
