@@ -165,18 +165,18 @@ def _manage(
         transfers[way] = Transfer(group, size, 0, b"", t)
         return
     back = bus, destination, source
-    for one in (way, back) if control == _ABORT else (back,):
-        transfer = transfers.get(one)
+    for each in (way, back) if control == _ABORT else (back,):
+        transfer = transfers.get(each)
         if transfer is None or transfer.group != group:
             continue
         if control == _CTS and data[1] == 0:  # it asks to wait
-            transfers[one] = transfer._replace(t=t)
+            transfers[each] = transfer._replace(t=t)
         elif control == _CTS and 1 <= data[2] <= transfer.received + 1:
             received = data[2] - 1
             kept = transfer.data[: _PACKET_BYTES * received]
-            transfers[one] = transfer._replace(received=received, data=kept, t=t, out_of_turn=False)
+            transfers[each] = transfer._replace(received=received, data=kept, t=t, out_of_turn=False)
         elif control in (_CTS, _END, _ABORT):
-            _drop(transfers, one, incomplete)
+            _drop(transfers, each, incomplete)
 
 
 def _drop(
