@@ -169,9 +169,9 @@ def _manage(
         transfer = transfers.get(each)
         if transfer is None or transfer.group != group:
             continue
-        if control == _CTS and data[1] == 0:  # it asks to wait
+        if control == _CTS and data[1] == 0 and t - transfer.t <= _TIMEOUT_S:  # it asks to wait
             transfers[each] = transfer._replace(t=t)
-        elif control == _CTS and 1 <= data[2] <= transfer.received + 1:
+        elif control == _CTS and 1 <= data[2] <= transfer.received + 1 and t - transfer.t <= _TIMEOUT_S:
             received = data[2] - 1
             kept = transfer.data[: _PACKET_BYTES * received]
             transfers[each] = transfer._replace(received=received, data=kept, t=t, out_of_turn=False)
