@@ -204,3 +204,19 @@ def test_reported_radars(file: Path, tmp_path: Path) -> None:
             "hkg": ["1_REL_SPEED", "2_REL_SPEED"] * 3,
         }[file.stem]
     )
+
+
+@pytest.mark.parametrize(("first", "count", "style"), [(0x210, 16, "x"), (0x3A5, 32, "X"), (0x1FC, 12, "x")])
+def test_hexadecimal_numbers(tmp_path: Path, first: int, count: int, style: str) -> None:
+    """All messages are proposed, not those alone whose number has no letter; and in their order."""
+    names = [f"RADAR_TRACK_{first + k:{style}}" for k in range(count)]
+    messages = [
+        f"BO_ {1024 + k} {name}: 16 X\n{signals('1')}{signals('2', at=64)}" for k, name in enumerate(names)
+    ]
+    (tmp_path / "car.dbc").write_text(HEAD + "".join(messages))
+    (tmp_path / "car.toml").write_text(proposal(tmp_path / "car.dbc", tmp_path).text)
+    tracks = canid.read_vehicle(tmp_path / "car.toml").lead.tracks
+    assert tracks is not None
+    assert [track.message for track in tracks] == [name for name in names for _ in range(2)]
+    ends = f"{{0{style}{first:{style}}..0{style}{first + count - 1:{style}}}}"
+    assert f'tracks = "RADAR_TRACK_{ends}"' in (tmp_path / "car.toml").read_text()

@@ -17,6 +17,8 @@ from canid.signals.vehicle.units import factor_to
 
 # a radar that reports fewer objects than this one by one would not number its messages, or its signals
 _MIN_MESSAGES, _MIN_SIGNALS = 3, 4
+# a number of a message that may be hexadecimal, such as its id
+_HEX = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2,4}(?![0-9A-Za-z])")
 _NOT_A_MEASUREMENT = (
     r"\b(rate|std\w*|sigma|var\w*|valid|conf\w*|accel\w*|stat\w*|mode|count\w*|width|length|"
     r"loss|type|prob\w*|rms)\b"
@@ -119,13 +121,18 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
         >>> track_groups([Dbc("radar.dbc", None, messages)])[0].pattern
         'T_{0..4}'
     """
-    groups: dict[tuple[int, str, str], dict[int, Message]] = {}
+    groups: dict[tuple[int, str, str, str], dict[int, Message]] = {}
     for index, file in enumerate(files):
         for message in file.messages.values():
+            for match in _HEX.finditer(message.name):
+                before, after = message.name[: match.start()], message.name[match.end() :]
+                for prefix, digits in (("0x", match[0].lower()), ("0X", match[0].upper())):
+                    if match[0] == digits:
+                        groups.setdefault((index, before, after, prefix), {})[int(digits, 16)] = message
             for match in re.finditer(r"\d+", message.name):
-                key = (index, message.name[: match.start()], message.name[match.end() :])
+                key = (index, message.name[: match.start()], message.name[match.end() :], "")
                 if len(match[0]) <= 4:
-                    groups.setdefault(key, {})[_key(match[0])] = message
+                    groups.setdefault(key, {})[int(match[0])] = message
     # one of many messages whose names differ in a number is one track, not a list
     many = {
         (key[0], message.name)
@@ -141,11 +148,11 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
         and not re.search(_ELSEWHERE, words(message.name))
         and (made := _list(index, message) or _numbered_signals(index, message)) is not None
     ]
-    for (index, before, after), numbered in groups.items():
+    for (index, before, after, prefix), numbered in groups.items():
         run = _longest_run(numbered)
         if len(run) < _MIN_MESSAGES or re.search(_ELSEWHERE, words(f"{before} {after}")):
             continue
-        made = _group(index, before, after, {key: numbered[key] for key in run})
+        made = _group(index, before, after, prefix, {key: numbered[key] for key in run})
         if made is not None:
             track_lists.append(made)
     return sorted(
@@ -153,8 +160,8 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
     )
 
 
-def _key(digits: str) -> int:
-    return int(digits)
+def _number(message: Message, before: str, after: str) -> str:
+    return message.name[len(before) : len(message.name) - len(after) or None]
 
 
 def _longest_run(numbers: Iterable[int]) -> list[int]:
@@ -224,7 +231,9 @@ def _stems(signals: Sequence[Signal]) -> dict[tuple[str, str], dict[int, Signal]
     return stems
 
 
-def _group(index: int, before: str, after: str, numbered: dict[int, Message]) -> TrackGroup | None:
+def _group(
+    index: int, before: str, after: str, prefix: str, numbered: dict[int, Message]
+) -> TrackGroup | None:
     messages = list(numbered.values())
     # names may differ from message to message, and the first may have the odd one
     for message in messages:
@@ -235,13 +244,14 @@ def _group(index: int, before: str, after: str, numbered: dict[int, Message]) ->
     else:
         return None
     parts, unknown = of_track
-    first = messages[0].name[len(before) : len(messages[0].name) - len(after) or None]
-    last = messages[-1].name[len(before) : len(messages[-1].name) - len(after) or None]
+    first, last = _number(messages[0], before, after), _number(messages[-1], before, after)
     if first.startswith("0") and len(first) != len(last) and first != "0":
         return None
     if "{" in before + after or "}" in before + after:
         return None
-    pattern = f"{before}{{{first}..{last}}}{after}"
+    pattern = f"{before}{{{prefix}{first}..{prefix}{last}}}{after}"
+    if prefix and (len(first) != len(last) or all(_number(m, before, after).isdecimal() for m in messages)):
+        return None
     several = _several_in_each(message, names, parts)
     if several is not None:
         parts, of_each = several

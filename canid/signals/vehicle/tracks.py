@@ -29,6 +29,9 @@ _TRACK_ROLES = {
     "new": Role("", "bool", "the track names another object"),
     "id": Role("", "state", "which object of a list a report describes"),
 }
+# names that differ in a number: decimal; hexadecimal behind 0x, in capital letters behind 0X
+_RANGE = re.compile(r"([^{}]*)\{(0x|0X|)([0-9A-Fa-f]{1,9})\.\.\2([0-9A-Fa-f]{1,9})\}([^{}]*)")
+_DIGITS = {"": "d", "0x": "x", "0X": "X"}
 # the measured parts; the others describe the same report
 _MEASURED_PARTS = ("distance", "rate")
 
@@ -154,18 +157,20 @@ def _names(patterns: Sequence[str], key: str) -> list[str] | str:
     """List the names that ["TRACK_A_{0..15}"] stands for, or say what is wrong with it."""
     names: list[str] = []
     for pattern in patterns:
-        match = re.fullmatch(r"([^{}]*)\{(\d{1,9})\.\.(\d{1,9})\}([^{}]*)", pattern)
-        if match is None:
+        match = _RANGE.fullmatch(pattern)
+        if match is None or not (match[2] or (match[3] + match[4]).isdecimal()):
             if "{" in pattern or "}" in pattern:
                 return f'{key}: write it as "TRACK_{{0..15}}", not "{brief(pattern)}"'
             names.append(pattern)
             continue
-        before, first, last, after = match.groups()
-        if not int(first) <= int(last) < int(first) + MAX_TRACKS:
+        before, prefix, *ends, after = match.groups()
+        first, last = (int(end, 16 if prefix else 10) for end in ends)
+        if not first <= last < first + MAX_TRACKS:
             return f'{key}: "{brief(pattern)}" is not a range of 1 to {MAX_TRACKS} tracks'
         # {01..16} keeps its leading zero, as a shell's braces do.
-        width = len(first) if first.startswith("0") else 0
-        names += [f"{before}{number:0{width}d}{after}" for number in range(int(first), int(last) + 1)]
+        width = len(ends[0]) if ends[0].startswith("0") else 0
+        form = f"0{width}{_DIGITS[prefix]}"
+        names += [f"{before}{number:{form}}{after}" for number in range(first, last + 1)]
     return names if len(names) <= MAX_TRACKS else f"{key}: {len(names):,} tracks; at most {MAX_TRACKS}"
 
 
