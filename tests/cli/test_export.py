@@ -25,7 +25,7 @@ from canid.analysis.tables.sources.vbo import read_vbo
 from canid.io.logs import open_log, write_log
 from canid.ui.cli import main
 from canid.values.shipped_files import shipped
-from canid.values.types import Trace
+from canid.values.types import Frame, Trace
 
 ROOT = Path(__file__).parents[2]
 # s since 1970: an instant that no simulated drive has
@@ -346,3 +346,22 @@ def test_a_raster_holds_the_last_value(canid: Callable[..., Any], drive: Drive, 
     assert not any("EGO_SPEED" in name for name in table)
     radar = table[table["RADAR_LEAD.LeadDistance text"] == "no target"]
     assert len(radar) > 10
+
+
+def test_a_raster_holds_no_value_for_more_than_5_s(canid: Callable[..., Any], tmp_path: Path) -> None:
+    """A sender that falls silent leaves empty fields 5 s later, a slow one has none; the metadata say it."""
+    frames = [Frame(0.1 * k, 0, 0x120, bytes(8)) for k in range(300) if not 60 <= k < 200]
+    frames += [Frame(0.02 + 4.9 * k, 0, 0x110, bytes(8)) for k in range(6)]
+    log = tmp_path / "x.blf"
+    write_log(log, sorted(frames, key=lambda frame: frame.t), start_utc=1.7e9)
+    words = ("export", log, "--dbc", shipped() / "generic.dbc", "--signals", "--raster", 0.05)
+    assert canid(*words, "-o", tmp_path / "x").code == 0
+    table = pd.read_csv(tmp_path / "x.signals.csv")
+    t = table["t [s]"].to_numpy()
+    columns = {each.partition(".")[0]: table[each].to_numpy() for each in table.columns if each.endswith("]")}
+    silent, slow = columns["EGO_SPEED"], columns["ENGINE_DATA"]
+    np.testing.assert_array_equal(np.isnan(silent), (t > 10.9 + 1e-6) & (t < 20.0 - 1e-6))
+    np.testing.assert_array_equal(np.isnan(slow), (t < 0.02) | (t > 0.02 + 4.9 * 5 + 5.0))
+    assert canid(*words, "--to", "mat", "-o", tmp_path / "x").code == 0
+    comments = loadmat(tmp_path / "x.mat", simplify_cells=True)["signals"]["comments"]
+    assert set(comments.values()) >= {"last value, held for 5 s at most"}

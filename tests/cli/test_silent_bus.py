@@ -15,7 +15,10 @@ from typing import Any
 import can
 import pytest
 
+from canid.io.logs import write_log
 from canid.values.errors import DONE, NO_BUS
+from canid.values.shipped_files import shipped
+from canid.values.types import Flag, Frame
 
 Canid = Callable[..., Any]
 SAYS = "no frames received: check bit rate, termination, and that another node is on\n"
@@ -96,3 +99,72 @@ def test_a_signal_before_the_first_frame(number: int, tmp_path: Path) -> None:
     _, err = process.communicate(timeout=60)
     assert process.returncode == 128 + number
     assert err.endswith(f"canid: {SAYS}")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("record", "-o", "x.blf"),
+        ("check",),
+        ("check", "--vehicle", "generic"),
+        ("decode", "--dbc", "generic.dbc"),
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_error_frames_alone_are_no_bus(
+    words: tuple[str, ...], canid: Canid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit 3, how many there were, and what to check; with one frame of data among them it is a bus."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "generic.dbc").write_bytes((shipped() / "generic.dbc").read_bytes())
+    for data in (False, True):
+        ended, channel = threading.Event(), str(tmp_path / f"bus {data}")
+
+        def talk(data: bool = data, ended: threading.Event = ended, channel: str = channel) -> None:
+            with can.Bus(channel, "virtual") as bus:
+                while not ended.wait(0.02):
+                    bus.send(can.Message(is_error_frame=True))
+                    if data:
+                        bus.send(can.Message(arbitration_id=1, data=b"12", is_extended_id=False))
+
+        thread = threading.Thread(target=talk)
+        thread.start()
+        try:
+            (tmp_path / "x.blf").unlink(missing_ok=True)
+            ran = canid(*words, "--duration", 0.7, "-i", "virtual", "-c", channel)
+        finally:
+            ended.set()
+            thread.join()
+        assert (ran.code == NO_BUS) is not data, ran.err
+        said = [line for line in ran.err.splitlines() if "no frames received" in line]
+        assert len(said) == (not data)
+        assert all("error frames: check bit rate, termination" in line for line in said)
+
+
+LOG_VERBS = {
+    "look": ("look",),
+    "look with a database": ("look", "--dbc", "generic.dbc"),
+    "check": ("check",),
+    "check a vehicle": ("check", "--vehicle", "generic"),
+    "decode": ("decode", "--dbc", "generic.dbc"),
+    "identify": ("identify", "--vehicle", "generic"),
+    "replay": ("replay", "--vehicle", "generic", "--speed", "max"),
+}
+
+
+@pytest.mark.parametrize("verb", LOG_VERBS)
+@pytest.mark.parametrize("suffix", [".blf", ".log"])
+def test_a_log_of_error_frames_alone(
+    verb: str, suffix: str, canid: Canid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bit rate and termination are named; not another vehicle, nor another id."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "generic.dbc").write_bytes((shipped() / "generic.dbc").read_bytes())
+    errors = [Frame(0.01 * k, 0, 0x88, bytes(8), int(Flag.ERROR)) for k in range(200)]
+    write_log(tmp_path / f"x{suffix}", errors, start_utc=1.7e9)
+    name, *others = LOG_VERBS[verb]
+    ran = canid(name, f"x{suffix}", *others)
+    assert "all of its 200 frames are error frames: wrong bit rate, no termination" in ran.err
+    assert "this vehicle's log" not in ran.err
+    write_log(tmp_path / f"y{suffix}", [*errors, Frame(2.0, 0, 0x88, bytes(8))], start_utc=1.7e9)
+    assert "error frames" not in canid(name, f"y{suffix}", *others).err

@@ -163,6 +163,16 @@ def _mf4(size: int) -> Iterable[bytes]:
         yield struct.pack("<4s4xQQ5Q", rng.choice(words), rng.choice((64, 1 << 40)), 5, *links)
 
 
+def _blocks(*blocks: bytes) -> Callable[[int], Iterable[bytes]]:
+    """A .pcapng that begins well, and the same blocks again and again."""
+    head = struct.pack("<IIIHHqI", 0x0A0D0D0A, 28, 0x1A2B3C4D, 1, 0, -1, 28)
+    head += struct.pack("<IIHHII", 1, 20, 227, 0, 0, 20)
+    head += struct.pack("<8I", 6, 48, 0, 0, 5, 16, 16, 0x100) + bytes([1, *bytes(11), 48, 0, 0, 0])
+    return _text(head, b"".join(blocks))
+
+
+_PCAP = struct.pack("<IHHiIII4I", 0xA1B2C3D4, 2, 4, 0, 0, 262144, 227, 1_600_000_000, 0, 16, 16)
+_PCAP += b"\0\0\1\0\1" + bytes(11)
 _ASC = b"date Sun Sep 13 12:26:40.000 2020\nbase hex  timestamps absolute\n 0.1 1 123 Rx d 1 00\n"
 _CANDUMP = b"(1600000000.000000) can0 123#00\n"
 _CSV = b"timestamp,arbitration_id,extended,remote,error,dlc,data\n1600000000.0,0x123,0,0,0,1,AA==\n"
@@ -227,6 +237,18 @@ FAMILIES: dict[str, Callable[[int], Iterable[bytes]]] = {
     "comments.trc": _numbered(_TRC, ";%d\n"),
     "many headers, short.trc": _text(_TRC + b"".join(b";%d\n" % k for k in range(2000)), b"a b c\n"),
     "short.trc.gz": _zipped(_text(_TRC, b"a\n")),
+    "empty packets.pcap": _text(_PCAP, bytes(16)),
+    "packets of many sizes.pcap": _text(
+        _PCAP, b"".join(struct.pack("<4I", 1, 1, k % 9, 8) + bytes(k % 9) for k in range(99))
+    ),
+    "sections.pcapng": _blocks(struct.pack("<IIIHHqI", 0x0A0D0D0A, 28, 0x1A2B3C4D, 1, 0, -1, 28)),
+    "interfaces.pcapng": _blocks(struct.pack("<IIHHII", 1, 20, 227, 0, 0, 20)),
+    "interfaces of a section each.pcapng": _blocks(
+        struct.pack("<IIIHHqI", 0x0A0D0D0A, 28, 0x1A2B3C4D, 1, 0, -1, 28),
+        struct.pack("<IIHHII", 1, 20, 227, 0, 0, 20),
+    ),
+    "empty blocks.pcapng": _blocks(struct.pack("<III", 5, 12, 12), struct.pack("<IIII", 5, 16, 0, 16)),
+    "a long block.pcapng": _blocks(struct.pack("<II", 5, (1 << 24) - 4) + bytes(1 << 20)),
     "links.mf4": _mf4,
     "zeros.mf4": lambda size: [b"MDF     4.10    canid   ".ljust(64, b"\0"), bytes(size)],
 }

@@ -9,6 +9,7 @@ from tests.formats_oracle import (
     csv_files,
     mf4_files,
     other_files,
+    pcap_files,
     trc_files,
 )
 from tests.formats_oracle.written import Draw
@@ -20,6 +21,7 @@ GENERATORS: dict[str, Draw] = {
     "candump": candump_files.draw,
     "csv": csv_files.draw,
     "other": other_files.draw,
+    "pcap": pcap_files.draw,
 }
 # a file takes seconds, since another process reads it
 SLOW_GENERATORS: dict[str, Draw] = {"mf4": mf4_files.draw}

@@ -18,9 +18,11 @@ from canid.analysis.drive.signal_columns import (
     decode,
     is_wide,
     whole_values,
+    with_messages,
 )
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.vehicle.bits import payloads
+from canid.signals.vehicle.transport_protocol import Transfers, groups_of
 from canid.values import frame_columns
 from canid.values.types import Array, Columns
 
@@ -89,6 +91,8 @@ class Decoder:
         self._files, self._wanted = files, wanted
         self._keys: set[MessageKey] = set()
         self._binding: Binding = bind(files, ())
+        self._groups = groups_of(message for file in files for message in file.messages)
+        self._transfers: Transfers = {}
         self.frames = 0  # decoded; of a container each message in it
         self.undescribed: dict[MessageKey, int] = {}  # frames
 
@@ -111,7 +115,8 @@ class Decoder:
 
     def messages(self, chunks: Iterable[Columns]) -> Iterator[OfMessage]:
         """The same, message by message and not decoded."""
-        chunk = frame_columns.join(list(chunks))
+        self._transfers, joined = with_messages(self._transfers, list(chunks), self._groups)
+        chunk = frame_columns.join(joined)
         # rows instead of times: they are the order in which frames came
         rows = chunk._replace(t=np.arange(len(chunk.t), dtype=float))
         rows = frame_columns.select(rows, np.flatnonzero(self._wanted.window.holds(chunk.t)))

@@ -12,10 +12,11 @@ from canid.analysis.contents import course, message_tally, signal_tally
 from canid.analysis.contents.binding import Binding, DbcFile, bind, databases
 from canid.analysis.contents.message_tally import Tally
 from canid.analysis.contents.signal_tally import SignalTally
-from canid.analysis.drive.signal_columns import MessageFrames, MessageKey, by_message, rounds
+from canid.analysis.drive.signal_columns import MessageFrames, MessageKey, by_message, rounds, with_messages
 from canid.io.logs import Log
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.vehicle.database import carried
+from canid.signals.vehicle.transport_protocol import Transfers, groups_of
 from canid.values.log_contents import BusContents, LogContents
 from canid.values.types import Columns, Flag
 from canid.values.window import WHOLE, Window
@@ -75,9 +76,12 @@ def survey(
     grid: course.Grid | None = None
     left_out = signals_left_out = kept_signals = 0
     came: set[MessageKey] = set()
+    groups = groups_of(message for file in files for message in file.messages)
+    transfers: Transfers = {}
     for chunks in rounds(log, progress=progress):
         for chunk in chunks:
             _count(chunk, asked, buses, ends)
+        transfers, chunks = with_messages(transfers, chunks, groups)
         sorted_frames = by_message(chunks, within=asked.window)
         came.update(list(sorted_frames)[: max(MAX_IDS - len(came), 0)])
         if bound is None:

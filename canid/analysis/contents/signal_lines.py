@@ -14,6 +14,7 @@ from canid.analysis.drive.signal_columns import MessageFrames, MessageKey, decod
 from canid.io.logs import Log
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.vehicle.database import carried
+from canid.signals.vehicle.transport_protocol import groups_of
 from canid.values.types import NAN, Array
 
 # a step from reading to reading that is longer than so many usual ones is a gap: a receiver times out after as many
@@ -75,7 +76,10 @@ def lines_of_log(
         >>> first.name, first.group, first.unit, len(first.read().t)
         ('ENGINE_DATA.PedalPosition', '0x110 ENGINE_DATA', '%', 8998)
     """
-    frames = frames_by_message(log, ids=wanted.ids or None, within=wanted.window, progress=progress)
+    groups = groups_of(message for file in files for message in file.messages)
+    frames = frames_by_message(
+        log, ids=wanted.ids or None, within=wanted.window, progress=progress, groups=groups
+    )
     kept = {
         key: message_frames
         for key, message_frames in frames.items()

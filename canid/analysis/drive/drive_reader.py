@@ -30,6 +30,7 @@ from canid.values.types import (
     Damage,
     Estimate,
     Event,
+    Flag,
     Sample,
     Signal,
     SignalReport,
@@ -305,6 +306,8 @@ def nothing_read(path: str | Path, within: Window, damage: Damage | None) -> Can
 
 def nothing_mapped(path: str | Path, vehicle: Vehicle, health: Health) -> ConfigError:
     """The error for a log without any value of a role, with the reason: frames left out, or a message that never came."""
+    if says := errors_alone(path):
+        return ConfigError(says)
     says = f"{path}: its {health.frames:,} frames hold no value that {vehicle.name} maps:"
     if health.back_in_time:
         return ConfigError(f"{says} {health.back_in_time}; see `canid check {path}`")
@@ -313,11 +316,25 @@ def nothing_mapped(path: str | Path, vehicle: Vehicle, health: Health) -> Config
     )
 
 
+def errors_alone(path: str | Path) -> str:
+    """Say that a log holds error frames and no others, and why that may be; "": it holds others, or is none."""
+    n = 0
+    try:
+        for chunk in open_log(path).columns():
+            n += len(chunk.t)
+            if not (chunk.flags & int(Flag.ERROR)).all():
+                return ""
+    except CanidError:
+        return ""
+    why = "wrong bit rate, no termination, or no other node was on while it was recorded"
+    return f"{path}: all of its {n:,} frames are error frames: {why}" if n else ""
+
+
 def read_trace(path: str | Path, vehicle: Vehicle | str | Path, dt: float = pipeline.DT) -> Trace:
     """Read a log as uniform columns: signals decoded, lead chosen and smoothed, gates judged.
 
     Args:
-        path: .blf, .asc, candump .log, .csv, .trc or .mf4.
+        path: .blf, .asc, candump .log, .csv, .trc, .mf4, .pcap or .pcapng.
         vehicle: a vehicle file, its name, or what `read_vehicle` returned.
         dt: step of the grid, s.
 

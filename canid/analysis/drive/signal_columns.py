@@ -11,10 +11,12 @@ import numpy.typing as npt
 from canid.io.logs import Log
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.samples import session_clock
+from canid.signals.vehicle import transport_protocol
 from canid.signals.vehicle.bits import EXACT_BITS, Payloads, payloads, raws_of, scaled
 from canid.signals.vehicle.containers import contained
 from canid.signals.vehicle.database import bits_of, carried, condition_of
 from canid.signals.vehicle.j1939 import first_no_value
+from canid.signals.vehicle.transport_protocol import Transfers
 from canid.values.frame_columns import join_octets
 from canid.values.types import Array, Columns, Flag
 from canid.values.window import WHOLE, Window
@@ -64,6 +66,7 @@ def frames_by_message(
     ids: Collection[int] | None = None,
     within: Window = WHOLE,
     progress: Callable[[float], None] | None = None,
+    groups: Collection[int] = (),
 ) -> dict[MessageKey, MessageFrames]:
     """Read a log once; the data frames of each message, on each bus (no remote and no error frames).
 
@@ -72,6 +75,7 @@ def frames_by_message(
         ids: only these; None: all.
         within: the part of the log.
         progress: called now and then with the fraction that was read.
+        groups: J1939 parameter groups whose messages may come in packets, see `transport_protocol`.
 
     Returns:
         in the order of bus and id. Memory: 17 bytes for each frame (73 where a frame of the log is longer than 8 bytes).
@@ -88,10 +92,23 @@ def frames_by_message(
         True
     """
     parts: dict[MessageKey, list[MessageFrames]] = {}
+    transfers: Transfers = {}
     for chunks in rounds(log, ids=ids, progress=progress):
+        transfers, chunks = with_messages(transfers, chunks, groups)
         for key, part in by_message(chunks, ids=ids, within=within).items():
             parts.setdefault(key, []).append(part)
     return {key: joined(parts[key]) for key in sorted(parts)}
+
+
+def with_messages(
+    transfers: Transfers, chunks: Sequence[Columns], groups: Collection[int]
+) -> tuple[Transfers, list[Columns]]:
+    """Some chunks, and in them the J1939 messages whose packets they hold; the transfers go on to the next chunks."""
+    out = []
+    for chunk in chunks:
+        transfers, made = transport_protocol.step(transfers, chunk, groups)
+        out.append(transport_protocol.inserted(chunk, made))
+    return transfers, out
 
 
 def rounds(

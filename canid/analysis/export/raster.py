@@ -1,4 +1,4 @@
-"""Signals of all messages on one raster: the last value is held, NaN before the first."""
+"""Signals of all messages on one raster: the last value is held for 5 s at most, NaN before the first and after that."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from canid.analysis.export.signal_tables import Received, fields_of, texts
 from canid.analysis.export.table import Field, Table, Values, of_columns
 from canid.values.errors import ConfigError
 
+# s; a message that is sent on change is repeated once a second or so, and after five that are missed its sender is silent
+MAX_HELD_S = 5.0
 # rows of a raster: two hours at 1 kHz; with more the step was a slip of the pen
 MAX_ROWS = 10_000_000
 
@@ -42,9 +44,14 @@ def raster_table(messages: Sequence[Received], step: float) -> Table:
                 known = np.isfinite(column.value)
                 at = np.searchsorted(column.t[known], t, "right") - 1
                 if known.any():
-                    held = np.where(at >= 0, column.value[known][at.clip(0)], np.nan)
+                    # a little room, as above
+                    fresh = (at >= 0) & (t - column.t[known][at.clip(0)] <= MAX_HELD_S + 1e-9)
+                    held = np.where(fresh, column.value[known][at.clip(0)], np.nan)
             fields = fields_of(signal, f"{message.name}.{signal.name}")
-            columns.append((fields[0], held))
+            says = f"last value, held for {MAX_HELD_S:g} s at most"
+            columns.append((fields[0]._replace(comment=says), held))
             if len(fields) > 1:
                 columns.append((fields[1], texts(signal, held)))
-    return of_columns("signals", "", t, columns, f"last values, every {step:g} s")
+    return of_columns(
+        "signals", "", t, columns, f"last values, held for {MAX_HELD_S:g} s at most, every {step:g} s"
+    )

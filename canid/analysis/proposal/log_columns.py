@@ -19,6 +19,7 @@ from canid.io.logs import Log
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.vehicle.database import Dbc
 from canid.signals.vehicle.j1939 import PROTOCOL, pgn_of
+from canid.signals.vehicle.transport_protocol import groups_of
 from canid.values.errors import LogError
 from canid.values.types import Array
 from canid.values.window import Window
@@ -50,7 +51,8 @@ def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | Non
     Raises:
         LogError: it cannot be read, or holds no frames.
     """
-    frames = frames_by_message(log, within=Window(stop=LONGEST_S), progress=progress)
+    groups = groups_of(message for file in files for message in file.messages.values())
+    frames = frames_by_message(log, within=Window(stop=LONGEST_S), progress=progress, groups=groups)
     if not log.frames_read:
         raise LogError(f"{log.path} holds no frames")
     frames = {

@@ -1,4 +1,4 @@
-"""Radar tracks in DBC files: numbered messages, lists of objects with ids, numbered signals or pages of one message.
+"""Radar tracks in DBC files: numbered messages of one or several tracks, lists with ids, numbered signals or pages.
 
 Each track has a distance and a relative speed.
 """
@@ -15,8 +15,10 @@ from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.vehicle.database import Dbc
 from canid.signals.vehicle.units import factor_to
 
-# a radar that reports fewer objects than this one by one would not number its messages
-_MIN_TRACKS = 4
+# a radar that reports fewer objects than this one by one would not number its messages, or its signals
+_MIN_MESSAGES, _MIN_SIGNALS = 3, 4
+# a number of a message that may be hexadecimal, such as its id
+_HEX = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2,4}(?![0-9A-Za-z])")
 _NOT_A_MEASUREMENT = (
     r"\b(rate|std\w*|sigma|var\w*|valid|conf\w*|accel\w*|stat\w*|mode|count\w*|width|length|"
     r"loss|type|prob\w*|rms)\b"
@@ -34,7 +36,7 @@ _DISTANCE = (
 _RATE = (
     (
         r"\brel\w* ?(long\w* |x )?(spd|speed|vel\w*|v)\b|\brange ?rate\b|\brng ?rate\b|\bv ?rel\b|"
-        r"\brelv\b|\b(long\w*|lgt) ?(rel\w* )?(spd|speed|vel\w*)\b|\bvx\b|\bv ?x\b",
+        r"\brelv\b|\br ?vel\b|\b(long\w*|lgt) ?(rel\w* )?(spd|speed|vel\w*)\b|\bvx\b|\bv ?x\b",
         r"\b(lat\w*|std\w*|sigma|var\w*|valid|accel\w*|prob\w*|rms|ambig\w*)\b",
     ),
 )
@@ -94,6 +96,7 @@ class TrackPart(NamedTuple):
     scale: float = 1.0  # by a log
     valid: tuple[float, float] | None = None  # in the unit that is written; beyond it there is no object
     why: str = ""  # what says the unit, where the DBC does not
+    names: tuple[str, ...] = ()  # of each track its own; (): `signal` is that of all
 
 
 class TrackGroup(NamedTuple):
@@ -118,18 +121,23 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
         >>> track_groups([Dbc("radar.dbc", None, messages)])[0].pattern
         'T_{0..4}'
     """
-    groups: dict[tuple[int, str, str], dict[int, Message]] = {}
+    groups: dict[tuple[int, str, str, str], dict[int, Message]] = {}
     for index, file in enumerate(files):
         for message in file.messages.values():
+            for match in _HEX.finditer(message.name):
+                before, after = message.name[: match.start()], message.name[match.end() :]
+                for prefix, digits in (("0x", match[0].lower()), ("0X", match[0].upper())):
+                    if match[0] == digits:
+                        groups.setdefault((index, before, after, prefix), {})[int(digits, 16)] = message
             for match in re.finditer(r"\d+", message.name):
-                key = (index, message.name[: match.start()], message.name[match.end() :])
+                key = (index, message.name[: match.start()], message.name[match.end() :], "")
                 if len(match[0]) <= 4:
-                    groups.setdefault(key, {})[_key(match[0])] = message
+                    groups.setdefault(key, {})[int(match[0])] = message
     # one of many messages whose names differ in a number is one track, not a list
     many = {
         (key[0], message.name)
         for key, numbered in groups.items()
-        if len(_longest_run(numbered)) >= _MIN_TRACKS
+        if len(_longest_run(numbered)) >= _MIN_MESSAGES
         for message in numbered.values()
     }
     track_lists = [
@@ -140,11 +148,11 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
         and not re.search(_ELSEWHERE, words(message.name))
         and (made := _list(index, message) or _numbered_signals(index, message)) is not None
     ]
-    for (index, before, after), numbered in groups.items():
+    for (index, before, after, prefix), numbered in groups.items():
         run = _longest_run(numbered)
-        if len(run) < _MIN_TRACKS or re.search(_ELSEWHERE, words(f"{before} {after}")):
+        if len(run) < _MIN_MESSAGES or re.search(_ELSEWHERE, words(f"{before} {after}")):
             continue
-        made = _group(index, before, after, {key: numbered[key] for key in run})
+        made = _group(index, before, after, prefix, {key: numbered[key] for key in run})
         if made is not None:
             track_lists.append(made)
     return sorted(
@@ -152,8 +160,8 @@ def track_groups(files: Sequence[Dbc]) -> list[TrackGroup]:
     )
 
 
-def _key(digits: str) -> int:
-    return int(digits)
+def _number(message: Message, before: str, after: str) -> str:
+    return message.name[len(before) : len(message.name) - len(after) or None]
 
 
 def _longest_run(numbers: Iterable[int]) -> list[int]:
@@ -190,14 +198,10 @@ def _list(index: int, message: Message) -> TrackGroup | None:
 
 def _numbered_signals(index: int, message: Message) -> TrackGroup | None:
     """Objects whose signals are numbered in one message, side by side or on its pages."""
-    stems: dict[tuple[str, str], dict[int, Signal]] = {}
-    for signal in message.signals:
-        match = re.fullmatch(r"(\D*)(\d{1,3})(\D*)", signal.name)
-        if match is not None and (match[2] == "0" or not match[2].startswith("0")):
-            stems.setdefault((match[1], match[3]), {})[int(match[2])] = signal
+    stems = _stems(message.signals)
     runs = {stem: _longest_run(numbered) for stem, numbered in stems.items()}
     longest = max(runs.values(), key=len, default=[])
-    if len(longest) < _MIN_TRACKS:
+    if len(longest) < _MIN_SIGNALS:
         return None
     stem_of = {stems[stem][longest[0]].name: stem for stem, run in runs.items() if run == longest}
     of_track = _found([stems[stem][longest[0]] for stem in stem_of.values()])
@@ -217,55 +221,120 @@ def _numbered_signals(index: int, message: Message) -> TrackGroup | None:
     return TrackGroup(index, message.name, (message,), named, unknown, tracks)
 
 
-def _group(index: int, before: str, after: str, numbered: dict[int, Message]) -> TrackGroup | None:
+def _stems(signals: Sequence[Signal]) -> dict[tuple[str, str], dict[int, Signal]]:
+    """Signals whose names differ in one number: what stands before and behind it -> number -> signal."""
+    stems: dict[tuple[str, str], dict[int, Signal]] = {}
+    for signal in signals:
+        match = re.fullmatch(r"(\D*)(\d{1,3})(\D*)", signal.name)
+        if match is not None and (match[2] == "0" or not match[2].startswith("0")):
+            stems.setdefault((match[1], match[3]), {})[int(match[2])] = signal
+    return stems
+
+
+def _group(
+    index: int, before: str, after: str, prefix: str, numbered: dict[int, Message]
+) -> TrackGroup | None:
     messages = list(numbered.values())
-    names = _names_in_all(numbered)
-    of_track = _found([signal for signal in messages[0].signals if signal.name in names])
-    if of_track is None:
+    # names may differ from message to message, and the first may have the odd one
+    for message in messages:
+        names = _names_in_all(numbered, message)
+        of_track = _found([signal for signal in message.signals if signal.name in names])
+        if of_track is not None:
+            break
+    else:
         return None
     parts, unknown = of_track
-    first = messages[0].name[len(before) : len(messages[0].name) - len(after) or None]
-    last = messages[-1].name[len(before) : len(messages[-1].name) - len(after) or None]
+    first, last = _number(messages[0], before, after), _number(messages[-1], before, after)
     if first.startswith("0") and len(first) != len(last) and first != "0":
         return None
     if "{" in before + after or "}" in before + after:
         return None
+    pattern = f"{before}{{{prefix}{first}..{prefix}{last}}}{after}"
+    if prefix and (len(first) != len(last) or all(_number(m, before, after).isdecimal() for m in messages)):
+        return None
+    several = _several_in_each(message, names, parts)
+    if several is not None:
+        parts, of_each = several
+        tracks = tuple((each, of_one) for each in messages for of_one in of_each)
+        return TrackGroup(index, pattern, tuple(messages), parts, unknown, tracks)
     tracks = tuple(
         (message, {part: names[track_part.signal][1][k] for part, track_part in parts.items()})
         for k, message in enumerate(messages)
     )
-    parts = {
-        part: track_part._replace(signal=names[track_part.signal][0]) for part, track_part in parts.items()
-    }
-    return TrackGroup(index, f"{before}{{{first}..{last}}}{after}", tuple(messages), parts, unknown, tracks)
+    parts = {part: _written(track_part, *names[track_part.signal]) for part, track_part in parts.items()}
+    return TrackGroup(index, pattern, tuple(messages), parts, unknown, tracks)
 
 
-def _names_in_all(numbered: dict[int, Message]) -> dict[str, tuple[str, list[str]]]:
-    """Signals of the first message that all have, maybe with their own number in the name.
+def _written(track_part: TrackPart, written: str, names: tuple[str, ...]) -> TrackPart:
+    """A part as a vehicle file names it."""
+    return track_part._replace(signal=written) if written else track_part._replace(names=names)
+
+
+def _names_in_all(numbered: dict[int, Message], model: Message) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Signals of a message that all have: by name, by a name with their own number, or by place and scale.
 
     Returns:
-        name in the first -> how all are written ("FLRRTrk{1..20}Range"), and the name in each.
+        name in the message -> how all are written ("FLRRTrk{1..20}Range"; "": one by one), and the name in each.
     """
     in_each = [{signal.name for signal in message.signals} for message in numbered.values()]
+    places = [{_place(signal): signal.name for signal in message.signals} for message in numbered.values()]
     numbers = list(numbered)
-    out = {}
-    for signal in next(iter(numbered.values())).signals:
+    out: dict[str, tuple[str, tuple[str, ...]]] = {}
+    for signal in model.signals:
         name = signal.name
         if all(name in names for names in in_each):
-            out[name] = name, [name] * len(in_each)
+            out[name] = name, (name,) * len(in_each)
             continue
         for match in re.finditer(r"\d+", name):
             width = len(match[0]) if match[0].startswith("0") else 1
-            written_names = [
+            written_names = tuple(
                 f"{name[: match.start()]}{number:0{width}d}{name[match.end() :]}" for number in numbers
-            ]
-            if written_names[0] == name and all(
+            )
+            if name in written_names and all(
                 own_name in names for own_name, names in zip(written_names, in_each, strict=True)
             ):
                 written = f"{{{numbers[0]:0{width}d}..{numbers[-1]:0{width}d}}}"
                 out[name] = f"{name[: match.start()]}{written}{name[match.end() :]}", written_names
                 break
+        else:
+            if all(_place(signal) in of_message for of_message in places):
+                out[name] = "", tuple(of_message[_place(signal)] for of_message in places)
     return out
+
+
+def _place(signal: Signal) -> tuple[object, ...]:
+    """Where a signal lies and what its numbers are."""
+    return (
+        signal.start, signal.length, signal.motorola, signal.signed, signal.scale, signal.offset, signal.unit,
+    )  # fmt: skip
+
+
+def _several_in_each(
+    message: Message, names: dict[str, tuple[str, tuple[str, ...]]], parts: dict[str, TrackPart]
+) -> tuple[dict[str, TrackPart], list[dict[str, str]]] | None:
+    """The parts and the tracks of messages that hold several each, in signals that are numbered; None: they hold one."""
+    stems = _stems([signal for signal in message.signals if names.get(signal.name, ("",))[0] == signal.name])
+    stem_of = {signal.name: stem for stem, numbered in stems.items() for signal in numbered.values()}
+    runs = {
+        part: _longest_run(stems[stem_of[track_part.signal]])
+        for part, track_part in parts.items()
+        if track_part.signal in stem_of
+    }
+    run = runs.get("distance", [])
+    if len(run) < 2 or runs.get("rate") != run:
+        return None
+    numbers = f"{{{run[0]}..{run[-1]}}}"
+    made: dict[str, TrackPart] = {}
+    tracks: list[dict[str, str]] = [{} for _ in run]
+    for part, track_part in parts.items():
+        if part in runs and runs[part] != run:
+            continue
+        before, after = stem_of[track_part.signal] if part in runs else ("", "")
+        written = f"{before}{numbers}{after}" if part in runs else track_part.signal
+        made[part] = track_part._replace(signal=written)
+        for track, number in zip(tracks, run, strict=True):
+            track[part] = f"{before}{number}{after}" if part in runs else track_part.signal
+    return made, tracks
 
 
 def _found(present: Sequence[Signal]) -> tuple[dict[str, TrackPart], tuple[str, ...]] | None:

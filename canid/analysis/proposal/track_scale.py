@@ -91,18 +91,17 @@ def scaled(tracks: TrackGroup, bus: int, columns: LogColumns, speed: Array | Non
         columns: the log.
         speed: own speed on its raster, m/s.
     """
-    wanted = {part: track_part.signal for part, track_part in tracks.parts.items() if part in _MEASURED}
+    empty = TrackPart("", None)
+    distance, rate, angle = (tracks.parts.get(part, empty) for part in ("distance", "rate", "angle"))
     scale = track_scale(tracks.tracks, bus, columns, speed)
     # an angle of unknown scale does not separate the own lane from the next
     if scale is None or ("angle" in tracks.unknown and scale.angle != scale.angle):
         return tracks
     parts = dict(tracks.parts)
     made = {
-        "distance": TrackPart(wanted["distance"], "m", scale=scale.distance, valid=_valid(scale)),
-        "rate": TrackPart(
-            wanted["rate"], scale.rate_unit, scale=-scale.rate if scale.closing else scale.rate
-        ),
-        "angle": TrackPart(wanted.get("angle", ""), "deg", scale=scale.angle),
+        "distance": distance._replace(unit="m", scale=scale.distance, valid=_valid(scale)),
+        "rate": rate._replace(unit=scale.rate_unit, scale=-scale.rate if scale.closing else scale.rate),
+        "angle": angle._replace(unit="deg", scale=scale.angle),
     }
     parts |= {
         part: track_part._replace(why=scale.says)

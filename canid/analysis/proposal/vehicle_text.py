@@ -288,7 +288,7 @@ def _lead(decisions: Decisions) -> list[str]:
         return []
     lines = ["[lead]  # the lead is chosen among the radar's tracks", f"tracks = {quoted(tracks.pattern)}"]
     for part, track_part in tracks.parts.items():
-        value = quoted(track_part.signal)
+        value = _track_signal(track_part)
         if part in tracks.unknown:
             value = f'{{ signal = {value}, unit = "", scale = 1 }}  # FILL IN its unit, and its scale where a step is not 1'
         elif track_part.on:
@@ -320,8 +320,14 @@ def _scaled(track_part: TrackPart) -> list[str]:
         [] if track_part.valid is None else [f"valid = [{track_part.valid[0]:g}, {track_part.valid[1]:g}]"]
     )
     return [
-        f"signal = {quoted(track_part.signal)}",
+        f"signal = {_track_signal(track_part)}",
         f'unit = "{track_part.unit}"',
         f"scale = {track_part.scale:g}",
         *valid,
     ]
+
+
+def _track_signal(track_part: TrackPart) -> str:
+    """A track's signal: one name or pattern for all, or a name for each."""
+    names = ", ".join(map(quoted, track_part.names))
+    return f"[{names}]" if names else quoted(track_part.signal)

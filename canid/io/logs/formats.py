@@ -35,6 +35,8 @@ FORMATS = {
     ".csv": Format("canid.io.logs.csv_reader", "read_csv", ".csv"),
     ".trc": Format("canid.io.logs.trc_reader", "read_trc", ".trc"),
     ".mf4": Format("canid.io.logs.mf4.mf4_reader", "read_mf4", ".mf4", is_text=False),
+    ".pcap": Format("canid.io.logs.pcap.pcap_reader", "read_pcap", ".pcap", is_text=False),
+    ".pcapng": Format("canid.io.logs.pcap.pcap_reader", "read_pcap", ".pcapng", is_text=False),
 }
 
 
@@ -168,7 +170,7 @@ def described() -> str:
     """The formats in words, for help texts.
 
     >>> described()
-    '.blf, .asc, candump .log, .csv, .trc or .mf4'
+    '.blf, .asc, candump .log, .csv, .trc, .mf4, .pcap or .pcapng'
     """
     *others, last = [each.description for each in FORMATS.values()]
     return f"{', '.join(others)} or {last}"

@@ -116,7 +116,7 @@ def read_columns(
     """
     keep_memory()
     count = LineCount()
-    times = _Times()
+    times = Times()
     waiting: list[Columns] = []
     for block in blocks(path, state, count):
         fixed = fast(block)
@@ -146,7 +146,7 @@ def read_columns(
     count.close(path, state)
 
 
-class _Times:
+class Times:
     """The log's own time of frames that come in arrays, as `read` gives it to one after the other."""
 
     def __init__(self) -> None:

@@ -86,7 +86,17 @@ def load(
         warnings.append(
             f"{path.name}: signals overlap or do not fit their frame in {bad}; the file is read anyway"
         )
+    far = [f"{m.name}.{s.name}" for m in messages.values() for s in m.signals if _is_far(m, s)]
+    if far:
+        warnings.append(
+            f"{path.name}: {several(far)}: not read, of a message in packets the first {_FRAME_BITS // 8} bytes are"
+        )
     return Dbc(path.name, bus, messages), warnings, size
+
+
+def _is_far(message: Message, signal: Signal) -> bool:
+    """Whether a signal of a J1939 message lies behind what a frame can have."""
+    return message.protocol == PROTOCOL and 8 * message.length > _FRAME_BITS and not carried(signal)
 
 
 def _imported(

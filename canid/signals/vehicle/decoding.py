@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from canid.signals.vehicle import j1939, made_roles
+from canid.signals.vehicle import j1939, made_roles, transport_protocol
 from canid.signals.vehicle.bits import Bools, Payloads, Rows, payloads, raws_of
 from canid.signals.vehicle.containers import contained
 from canid.signals.vehicle.decoding_plan import Plan, Table, make_table
@@ -47,6 +47,9 @@ def decoder(vehicle: Vehicle) -> tuple[Init, Step]:
 
 def _step(table: Table, state: Decoding, chunk: Columns) -> tuple[Decoding, Decoded]:
     matched = []
+    problems: Counter[str] = Counter()
+    if table.by_group:
+        state, chunk = _assembled(table, state, chunk, problems)
     ids = set(chunk.id.tolist())
     for id_ in table.by_id.keys() & ids:
         of_id = np.flatnonzero(chunk.id == id_)
@@ -58,7 +61,6 @@ def _step(table: Table, state: Decoding, chunk: Columns) -> tuple[Decoding, Deco
             if rows.size:
                 matched.append((plan, rows))
     events: list[tuple[int, Event]] = []
-    problems: Counter[str] = Counter()
     if table.by_group:
         state, groups = frames_of_groups(table.by_group, ids, state, chunk, problems)
         matched += groups
@@ -77,6 +79,20 @@ def _step(table: Table, state: Decoding, chunk: Columns) -> tuple[Decoding, Deco
     if problems:
         state = add_counts(state, problems)
     return state, Decoded(tuple(roles), tuple(tracks), tuple(events), tuple(out_of_range))
+
+
+def _assembled(
+    table: Table, state: Decoding, chunk: Columns, problems: Counter[str]
+) -> tuple[Decoding, Columns]:
+    """Messages that come in packets, each in the place of its last one."""
+    transfers, made = transport_protocol.step(state.transfers, chunk, table.by_group)
+    if transfers is not state.transfers:
+        state = state._replace(transfers=transfers)
+    if made is None:
+        return state, chunk
+    for group, n in made.incomplete.items():
+        problems[f"{table.by_group[group][0].message.name}: packets are missing"] += n
+    return state, transport_protocol.replaced(chunk, made)
 
 
 def mapped_ids(vehicle: Vehicle) -> frozenset[int] | None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from canid.signals.vehicle.bits import Bools, Rows
 from canid.signals.vehicle.mapping import RoleMap, TrackMap, Vehicle, carried
 from canid.signals.vehicle.message_counter import AliveCounter
+from canid.signals.vehicle.transport_protocol import Transfer
 from canid.values.types import Array, Event
 
 
@@ -23,6 +24,7 @@ class Decoding(NamedTuple):
     alive: Mapping[tuple[str, int | None, int | None], AliveCounter] = {}
     # of what roles are made of: the latest reading, s and in its unit
     parts: Mapping[str, tuple[float, float]] = {}
+    transfers: Mapping[tuple[int, int, int], Transfer] = {}  # J1939 messages that come in packets
     seen: frozenset[str] = frozenset()  # roles (and "lead", of tracks) that came at least once
 
 

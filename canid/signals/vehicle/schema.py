@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
@@ -60,6 +61,14 @@ Source = Annotated[int, Field(ge=0, le=0xFD)]
 File = Annotated[str, Field(max_length=4096)]
 # a message's and a signal's name, each 128 characters at most in an extended DBC; a unit
 Name = Annotated[str, Field(max_length=300)]
+# Names of radar tracks, or of a signal in them, each of which may stand for several: TRACK_{0..15}. A radar follows some
+# ten to a hundred objects.
+MAX_TRACKS = 256
+Names = Annotated[
+    list[Name],
+    Field(min_length=1, max_length=MAX_TRACKS),
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+]
 # Of any unit of any role: larger numbers overflow when squared, or swamp all others.
 Number = Annotated[float, _between(-1e12, 1e12)]
 # s; from one frame of a fast bus to an hour, the longest for which anything is held
@@ -114,20 +123,40 @@ class Options(Section):
         return value
 
 
-class SignalEntry(Options):
-    """Where one value comes from: `"MESSAGE.SIGNAL"`, or a table."""
+class _Value(Options):
+    """What a raw number means."""
 
-    signal: Name
     invert: bool = False
     # A state has 256 values at most: what is wider is a number.
     on: Annotated[list[Number], Field(min_length=1, max_length=256)] | None = None
     # of a pedal: what says that 100 % is its full travel, in words
     full_scale: Annotated[str, Field(min_length=1, max_length=200)] | None = None
 
+
+class SignalEntry(_Value):
+    """Where one value comes from: `"MESSAGE.SIGNAL"`, or a table."""
+
+    signal: Name
+
     @model_validator(mode="before")
     @classmethod
     def _short_form(cls, value: Any) -> Any:
         return {"signal": value} if isinstance(value, str) else value
+
+
+class TrackEntry(_Value):
+    """A signal of each radar track: a name, names, or a table."""
+
+    signal: Names
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_form(cls, value: Any) -> Any:
+        return {"signal": value} if isinstance(value, str | list) else value
+
+    def of(self, name: str) -> SignalEntry:
+        """The entry of one track, whose signal has this name."""
+        return SignalEntry(**(dict(self) | {"signal": name}))
 
 
 class MeanEntry(Options):
@@ -201,14 +230,14 @@ class LatencySection(Section):
 class LeadSection(Section):
     """Radar tracks from which the lead is chosen, and the radar's noise."""
 
-    tracks: Name | None = None
-    distance: SignalEntry | None = None
-    rate: SignalEntry | None = None
-    lateral: SignalEntry | None = None
-    angle: SignalEntry | None = None
-    valid: SignalEntry | None = None
-    new: SignalEntry | None = None
-    id: SignalEntry | None = None
+    tracks: Names | None = None
+    distance: TrackEntry | None = None
+    rate: TrackEntry | None = None
+    lateral: TrackEntry | None = None
+    angle: TrackEntry | None = None
+    valid: TrackEntry | None = None
+    new: TrackEntry | None = None
+    id: TrackEntry | None = None
     bus: Bus | None = None
     source: Source | None = None
     rate_sign: Literal[1, -1] = 1

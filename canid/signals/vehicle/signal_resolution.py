@@ -20,8 +20,8 @@ from canid.values.types import FullScale
 # of factors, offsets and limits: beyond the widest of real units (mm to km, 2^-32 degrees), and far from where squares
 # of values leave the range of a float
 _MIN_FACTOR, _MAX_FACTOR = 1e-12, 1e12
-# bytes of a frame of CAN FD
-_FRAME_BYTES = 64
+# bytes of a frame of CAN FD, and of a J1939 message in packets, of which the first 64 are decoded
+_FRAME_BYTES, _TRANSPORTED_BYTES = 64, 1785
 
 # A value-table text that says "there is no value", for roles whose other texts are values (gear, switches).
 _NO_VALUE_TEXT = re.compile(
@@ -87,7 +87,8 @@ def signal_map(
         mistakes.errors.append(f"{key}.full_scale: is for the pedal only")
         return None
     when = condition_of(message, signal)
-    if not carried(signal) or when is None or not 0 < message.length <= _FRAME_BYTES:
+    most = _TRANSPORTED_BYTES if message.protocol == PROTOCOL else _FRAME_BYTES
+    if not carried(signal) or when is None or not 0 < message.length <= most:
         mistakes.errors.append(
             f"{key}: {brief(message.name)}.{brief(signal.name)} does not fit into a CAN frame: the DBC gives the message "
             f"{shown(message.length)} bytes, and the signal {shown(signal.length)} bits from bit {shown(signal.start)}; "

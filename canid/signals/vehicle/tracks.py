@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from canid.signals.vehicle.database import Dbc
 from canid.signals.vehicle.mapping import SignalMap, TrackMap
 from canid.signals.vehicle.quoting import brief
-from canid.signals.vehicle.schema import LeadSection, SignalEntry
+from canid.signals.vehicle.schema import MAX_TRACKS, LeadSection, SignalEntry
 from canid.signals.vehicle.signal_resolution import (
     Mistakes,
     find_message,
@@ -29,10 +29,11 @@ _TRACK_ROLES = {
     "new": Role("", "bool", "the track names another object"),
     "id": Role("", "state", "which object of a list a report describes"),
 }
+# names that differ in a number: decimal; hexadecimal behind 0x, in capital letters behind 0X
+_RANGE = re.compile(r"([^{}]*)\{(0x|0X|)([0-9A-Fa-f]{1,9})\.\.\2([0-9A-Fa-f]{1,9})\}([^{}]*)")
+_DIGITS = {"": "d", "0x": "x", "0X": "X"}
 # the measured parts; the others describe the same report
 _MEASURED_PARTS = ("distance", "rate")
-# A radar follows some ten to a hundred objects; a typing mistake such as {0..1500000} must not take for ever.
-_MAX_TRACKS = 256
 
 
 def resolve_tracks(
@@ -78,23 +79,20 @@ def resolve_tracks(
         part: _names(entry.signal, f"lead.{part}") for part, entry in entries.items() if entry is not None
     }
     wrong = [names for names in named.values() if isinstance(names, str)]
-    numbered = {part: len(names) for part, names in named.items() if len(names) > 1}
-    if not wrong and len(set(numbered.values())) > 1:
-        wrong = [
-            f"lead: {' and '.join(f'{part} numbers {n}' for part, n in numbered.items())}: as many in each"
-        ]
-    if wrong:
-        mistakes.errors.extend(wrong)
+    lists = {part: names for part, names in named.items() if not isinstance(names, str)}
+    per_track = wrong[0] if wrong else _per_track(lists, lead, files)
+    if isinstance(per_track, str):
+        mistakes.errors.extend(wrong or [per_track])
         return None
     tracks = []
     warned: Counter[str] = Counter()
-    for track in range(max(numbered.values(), default=1)):
+    for track in range(len(per_track["tracks"])):
         of_track = Mistakes([], [])
         numbered_entries = {
-            part: None if entry is None else entry.model_copy(update={"signal": _of(named[part], track)})
+            part: None if entry is None else entry.of(per_track[part][track])
             for part, entry in entries.items()
         }
-        tracks.append(_track(track, _of(named["tracks"], track), lead, numbered_entries, files, of_track))
+        tracks.append(_track(track, per_track["tracks"][track], lead, numbered_entries, files, of_track))
         warned.update(dict.fromkeys(of_track.warnings, 1))
         mistakes.errors.extend(of_track.errors)
         if of_track.errors:
@@ -112,24 +110,68 @@ def track_age(lead: LeadSection) -> float | None:
     return min(ages, default=None)
 
 
-def _of(names: Sequence[str], track: int) -> str:
-    """The name of a track; one without a number is that of all."""
-    return names[track] if len(names) > 1 else names[0]
+def _per_track(
+    named: Mapping[str, Sequence[str]], lead: LeadSection, files: Sequence[Dbc]
+) -> dict[str, list[str]] | str:
+    """The message and the signals of each track, or what is wrong with how many they are.
+
+    One name is that of all. As many signals as messages are one each; but where each message has all of them, it holds as
+    many tracks as there are names.
+    """
+    messages = named["tracks"]
+    several = {part: names for part, names in named.items() if part != "tracks" and len(names) > 1}
+    counts = {part: len(names) for part, names in several.items()}
+    n = max(counts.values(), default=1)
+    if len(messages) > 1 and len(set(counts.values())) == 1 and _in_each(messages, several, lead, files):
+        order = [(message, k) for message in messages for k in range(n)]
+        if len(order) > MAX_TRACKS:
+            return f"lead: {len(order):,} tracks; at most {MAX_TRACKS}"
+        made = {"tracks": [message for message, _ in order]}
+        signals = ((part, names) for part, names in named.items() if part != "tracks")
+        return made | {
+            part: [names[k if part in several else 0] for _, k in order] for part, names in signals
+        }
+    if len(messages) > 1:
+        counts = {"tracks": len(messages)} | counts
+    if len(set(counts.values())) > 1:
+        return f"lead: {' and '.join(f'{part} numbers {k}' for part, k in counts.items())}: as many in each"
+    n = max(counts.values(), default=1)
+    return {part: list(names) * (n if len(names) == 1 else 1) for part, names in named.items()}
 
 
-def _names(pattern: str, key: str) -> list[str] | str:
-    """List the names that "TRACK_A_{0..15}" stands for, or say what is wrong with it."""
-    match = re.fullmatch(r"([^{}]*)\{(\d{1,9})\.\.(\d{1,9})\}([^{}]*)", pattern)
-    if match is None:
-        if "{" in pattern or "}" in pattern:
-            return f'{key}: write it as "TRACK_{{0..15}}", not "{brief(pattern)}"'
-        return [pattern]
-    before, first, last, after = match.groups()
-    if not int(first) <= int(last) < int(first) + _MAX_TRACKS:
-        return f'{key}: "{brief(pattern)}" is not a range of 1 to {_MAX_TRACKS} tracks'
-    # {01..16} keeps its leading zero, as a shell's braces do.
-    width = len(first) if first.startswith("0") else 0
-    return [f"{before}{number:0{width}d}{after}" for number in range(int(first), int(last) + 1)]
+def _in_each(
+    messages: Sequence[str], several: Mapping[str, Sequence[str]], lead: LeadSection, files: Sequence[Dbc]
+) -> bool:
+    """Whether each message has all of the signals."""
+    names = [name for part in several.values() for name in part]
+    if len(set(names)) < len(names) or not names:
+        return False
+    for message in messages:
+        match = find_message(message, lead.bus, files, "")
+        if isinstance(match, str) or not {*names} <= {signal.name for signal in match[1].signals}:
+            return False
+    return True
+
+
+def _names(patterns: Sequence[str], key: str) -> list[str] | str:
+    """List the names that ["TRACK_A_{0..15}"] stands for, or say what is wrong with it."""
+    names: list[str] = []
+    for pattern in patterns:
+        match = _RANGE.fullmatch(pattern)
+        if match is None or not (match[2] or (match[3] + match[4]).isdecimal()):
+            if "{" in pattern or "}" in pattern:
+                return f'{key}: write it as "TRACK_{{0..15}}", not "{brief(pattern)}"'
+            names.append(pattern)
+            continue
+        before, prefix, *ends, after = match.groups()
+        first, last = (int(end, 16 if prefix else 10) for end in ends)
+        if not first <= last < first + MAX_TRACKS:
+            return f'{key}: "{brief(pattern)}" is not a range of 1 to {MAX_TRACKS} tracks'
+        # {01..16} keeps its leading zero, as a shell's braces do.
+        width = len(ends[0]) if ends[0].startswith("0") else 0
+        form = f"0{width}{_DIGITS[prefix]}"
+        names += [f"{before}{number:{form}}{after}" for number in range(first, last + 1)]
+    return names if len(names) <= MAX_TRACKS else f"{key}: {len(names):,} tracks; at most {MAX_TRACKS}"
 
 
 def _track(

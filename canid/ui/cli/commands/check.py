@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +54,7 @@ def results() -> dict[str, Any]:
 
 def run(args: argparse.Namespace) -> int:
     """Check."""
-    from canid.analysis.drive.drive_reader import FRAMES_PER_CHUNK, nothing_read
+    from canid.analysis.drive.drive_reader import FRAMES_PER_CHUNK, errors_alone, nothing_read
     from canid.io.buses.bus import interfaces
     from canid.io.buses.bus_opener import open_buses
     from canid.io.buses.command_line import configs_of, listen, named
@@ -76,12 +77,13 @@ def run(args: argparse.Namespace) -> int:
         log, vehicle = drive_source.opened(args.log, car)
     else:
         log = open_log(args.log) if args.log else None
+    counts: Counter[bool] = Counter()
     with Progress(f"reading {args.log}" if log else f"listening for {args.duration:g} s") as bar:
         if log is None:
             buses = open_buses(configs_of(args))
             numbers = interfaces(buses)
             vehicle = vehicle if vehicle is None else on_buses(vehicle, numbers)
-            frames = listen(buses, args.duration, info)
+            frames = reading.counted(listen(buses, args.duration, info), counts)
             text, values, checked = check_frames(chunks(frames), vehicle, whole=False)
         else:
             vehicle = vehicle if vehicle is None else reading.on_buses(vehicle, log)
@@ -94,12 +96,14 @@ def run(args: argparse.Namespace) -> int:
     if numbers:
         text.insert(1, bus_text(numbers))
     show(args, text, values)
-    if log is None and not values.frames:
-        return reading.report_silence(args.duration)
+    if log is None and not counts[False]:
+        return reading.report_silence(args.duration, counts[True])
     if report is not None and checked is not None and vehicle is not None:
         write_page(args, report, checked, vehicle, log.damage if log else None)
     if log:
         reading.report_log(log)
+        if not table and (says := errors_alone(args.log)):
+            info(says)
     if log and log.damage:
         info(log.damage.says)
         return DAMAGED

@@ -7,10 +7,11 @@ import csv
 import math
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from canid.ui.cli.inputs.reading import report_log, report_silence
+from canid.ui.cli.inputs.reading import counted, report_log, report_silence
 from canid.ui.cli.options import options
 from canid.ui.cli.output import complete_files, outputs
 from canid.ui.cli.signals import selection
@@ -21,7 +22,6 @@ from canid.values.text import json_values
 
 if TYPE_CHECKING:
     from canid.analysis.contents.decoded_frames import DecodedFrame, Decoder
-    from canid.io.buses.bus import ReceiveOnlyBus
     from canid.ui.cli.output.outputs import TextOutput
     from canid.ui.cli.signals.live_table import LiveTable
     from canid.values.types import Columns, Frame
@@ -88,6 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _log(args: argparse.Namespace, sink: TextOutput | None) -> int:
     from canid.analysis.contents.decoded_frames import Decoder
+    from canid.analysis.drive.drive_reader import errors_alone
     from canid.analysis.drive.signal_columns import rounds
     from canid.io.logs import open_log
 
@@ -102,6 +103,8 @@ def _log(args: argparse.Namespace, sink: TextOutput | None) -> int:
         _write(args, decoder, rounds(log), sink)
     _end(decoder)
     report_log(log)
+    if not decoder.frames and not decoder.undescribed and (says := errors_alone(args.log)):
+        info(says)
     return DAMAGED if log.damage else DONE
 
 
@@ -118,11 +121,10 @@ def _last_values(args: argparse.Namespace, decoder: Decoder, chunks: Iterable[li
 
 
 def _live(
-    args: argparse.Namespace, decoder: Decoder, buses: Sequence[ReceiveOnlyBus], table: LiveTable
-) -> int:
-    """The table of a bus while frames come; returns how many there were."""
+    args: argparse.Namespace, decoder: Decoder, frames: Callable[..., Iterator[Frame]], table: LiveTable
+) -> None:
+    """The table of a bus while frames come."""
     from canid.analysis.contents.last_values import LastValues
-    from canid.io.buses.command_line import listen
     from canid.values.frame_columns import columns_of
 
     values, count = LastValues(decoder), 0
@@ -140,14 +142,13 @@ def _live(
         return table.ended
 
     try:
-        for frame in listen(buses, args.duration, info, turn):
+        for frame in frames(turn):
             waiting.append(frame)
             newest, at, count = frame.t, time.monotonic(), count + 1
     finally:
         if waiting:
             values.take([columns_of(waiting)])
         table.close(values.rows(newest + time.monotonic() - at))
-    return count
 
 
 def _bus(args: argparse.Namespace, sink: TextOutput | None) -> int:
@@ -164,22 +165,19 @@ def _bus(args: argparse.Namespace, sink: TextOutput | None) -> int:
         selection.read_files([selection.bound(name) for name in args.dbc], numbers),
         selection.wanted(args, numbers),
     )
-    frames = 0
+    counts: Counter[bool] = Counter()
 
-    def chunks() -> Iterator[list[Columns]]:
-        nonlocal frames
-        for frame in listen(buses, args.duration, info):
-            frames += 1
-            yield [columns_of([frame])]
+    def frames(ends: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
+        return counted(listen(buses, args.duration, info, ends), counts)
 
     if args.table:
         from canid.ui.cli.signals.live_table import LiveTable
 
-        frames = _live(args, decoder, buses, LiveTable())
+        _live(args, decoder, frames, LiveTable())
     else:
-        _write(args, decoder, chunks(), sink)
+        _write(args, decoder, ([columns_of([frame])] for frame in frames()), sink)
         _end(decoder)
-    return DONE if frames else report_silence(args.duration)
+    return DONE if counts[False] else report_silence(args.duration, counts[True])
 
 
 def _write(

@@ -63,7 +63,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--raster",
         type=bounded_numbers.number("a time in seconds (such as 0.1)", *RASTER_S),
         metavar="S",
-        help="write the signals in one table with a row every S seconds; the last value is held",
+        help="write the signals in one table with a row every S seconds; the last value is held for 5 s at most, then the "
+        "field is empty",
     )
     parser.add_argument(
         "--estimates",

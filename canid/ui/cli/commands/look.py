@@ -159,6 +159,10 @@ def say_nothing_found(args: argparse.Namespace, contents: LogContents) -> None:
         info(f"no signal of these DBC files that came is called {args.signals}")
     elif not contents.frames:
         info(f"{args.log} holds no frames")
+    elif contents.frames == sum(bus.errors for bus in contents.buses):
+        from canid.analysis.drive.drive_reader import errors_alone
+
+        info(errors_alone(args.log))
     elif not contents.messages:
         info("no frame has such a bus and id")
     for database in contents.databases:

@@ -129,10 +129,12 @@ def _plot_table(vehicle: Vehicle, drive: Drive, estimates: list[Estimate]) -> Ta
 
 def _signals(args: argparse.Namespace, log: Log, files: list[Dbc]) -> list[Table]:
     from canid.analysis.drive.signal_columns import frames_by_message
+    from canid.signals.vehicle.transport_protocol import groups_of
 
     with Progress(f"reading signals of {args.log}") as bar:
         ids = signal_tables.ids_of(files, args.signals)
-        frames = frames_by_message(log, ids=ids, within=options.window(args), progress=bar.to)
+        groups = groups_of(message for file in files for message in file.messages.values())
+        frames = frames_by_message(log, ids=ids, within=options.window(args), progress=bar.to, groups=groups)
     received = signal_tables.received(frames, files, args.signals)
     if not received:
         n = sum(len(columns.t) for columns in frames.values())

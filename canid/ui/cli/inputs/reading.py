@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from canid.ui.terminal.messages import info
 from canid.ui.terminal.progress import Progress
 from canid.values.bus_names import NamedBus
 from canid.values.errors import DAMAGED, DONE, NO_BUS
+from canid.values.types import Flag
 
 if TYPE_CHECKING:
     from canid.analysis.drive.drive_reader import Drive, Health
     from canid.io.logs import Log
     from canid.signals.vehicle import Vehicle
     from canid.ui.views.document.document import Source
+    from canid.values.types import Frame
 
 
 def read_vehicle(name: str) -> Vehicle:
@@ -79,12 +82,20 @@ def report_log(log: Log) -> None:
         info(f"besides the frames: {log.others_says}")
 
 
-def report_silence(duration: float) -> int:
-    """Say that a bus gave nothing in `duration` s, and what to do; returns the exit code."""
+def report_silence(duration: float, errors: int = 0) -> int:
+    """Say that a bus gave nothing but error frames in `duration` s, and what to do; returns the exit code."""
     from canid.ui.cli.health_lines import SILENT_BUS
 
-    info(f"no frames received in {duration:g} s: {SILENT_BUS}")
+    but = f" but {errors:,} error frames" if errors else ""
+    info(f"no frames received in {duration:g} s{but}: {SILENT_BUS}")
     return NO_BUS
+
+
+def counted(frames: Iterable[Frame], counts: Counter[bool]) -> Iterator[Frame]:
+    """The same frames; counts error frames (True) and all others."""
+    for frame in frames:
+        counts[bool(frame.flags & Flag.ERROR)] += 1
+        yield frame
 
 
 def damage(drives: Iterable[Drive]) -> str | None:
