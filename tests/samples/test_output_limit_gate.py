@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from canid.mathematics.estimators import pooling
 from canid.signals.samples import learning_gate
 from canid.signals.samples.trace_assembly import trace
 from canid.signals.signal_checks import output_ends
@@ -81,3 +82,18 @@ def test_the_limits_of_a_whole_drive_are_found_once() -> None:
     np.testing.assert_array_equal(once.bound, twice.bound)
     np.testing.assert_array_equal(once.learn, twice.learn)
     assert [end.side for end in output_ends.reached(once)] == ["lower", "upper"]
+
+
+def test_what_is_left_out_next_to_a_limit_is_decided_by_the_sample_before() -> None:
+    drive = learning_gate.with_limits(
+        trace(samples(np.minimum(swinging(80.0, 30.0), 100.0), "pedal"), Driver(), 0.1)
+    )
+    margin = learning_gate.limits(drive).margin
+    assert 1.0 < margin < 20.0
+    before = np.r_[np.nan, drive.output[:-1]]
+    learned = drive.learn & (np.arange(len(before)) > 0)
+    within_reach = before >= 99.5 - margin
+    assert (np.isfinite(drive.bound)[learned] == within_reach[learned]).all()
+    assert 0.05 < within_reach[learned].mean() < 0.6
+    rows = pooling.pooled(drive)
+    assert (rows.learn == (drive.learn & ~np.isfinite(drive.bound))).all()

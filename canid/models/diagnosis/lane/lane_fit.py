@@ -141,7 +141,8 @@ def lacking(trace: Trace, usable: Flags, minimum: float) -> str:
     if np.isfinite(trace.output).sum() * dt < minimum:
         return "the driver's output is not in the log; map it in the vehicle file ([driver] output)"
     here = usable & np.isfinite(offset) & np.isfinite(trace.output)
-    here &= np.array([gate is LearnGate.OPEN for gate in trace.gate], dtype=bool)
+    keeps = (LearnGate.OPEN, LearnGate.OUTPUT_LIMIT)
+    here &= np.array([gate in keeps for gate in trace.gate], dtype=bool)
     if here.sum() * dt < minimum:
         return f"a person keeps the lane for {here.sum() * dt:.0f} s only; {need}"
     if float(np.std(trace.output[here])) < STILL_ANGLE:
