@@ -22,6 +22,8 @@ from canid.values.types import Trace
 from tests.plants.outside_cars import Car, PedalMotion, Sensors, car_drive
 
 LAGS_S = (0.0, 0.1, 0.3, 0.5)
+# an engine that takes the pedal's value as it is, and one that takes it from a bus
+PERIODS_S = (0.01, 0.05)
 RATES_HZ = (10.0, 20.0, 50.0)
 # noise and step, m/s
 SPEEDS = ((0.01, 0.0), (0.03, 0.0), (0.1, 0.0), (0.0, 0.01), (0.01, 0.05), (0.0, 0.1))
@@ -50,7 +52,7 @@ def clean(k: int, seed: int, seconds: float) -> Trace:
     strength, level, drag = CARS[rng.integers(len(CARS))]
     sd, correlation = MOTIONS[rng.integers(len(MOTIONS))]
     noise, step = SPEEDS[k % len(SPEEDS)]
-    car = Car(LAGS_S[k % len(LAGS_S)], strength, level, drag)
+    car = Car(LAGS_S[k % len(LAGS_S)], strength, level, drag, period=float(rng.choice(PERIODS_S)))
     motion = PedalMotion(sd, correlation, rough=k // 2 % 2 == 0)
     return car_drive(seed, car, motion, Sensors(float(rng.choice(RATES_HZ)), noise, step), seconds)
 

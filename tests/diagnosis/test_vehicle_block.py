@@ -263,7 +263,8 @@ def test_the_model_passes_the_slope_that_the_speed_has_passed() -> None:
 @mostly(0.95)
 def test_no_cause_is_named_because_the_acceleration_is_a_slope(lag: float, rough: bool, seed: int) -> None:
     """Cars without a fault have none where only their speed was recorded."""
-    seen = car_drive(seed, Car(lag, 0.12, 30.0, 4e-4), PedalMotion(4.0, 1.0, rough), Sensors(50.0, 0.0, 0.05))
+    car = Car(lag, 0.12, 30.0, 4e-4, period=0.05)
+    seen = car_drive(seed, car, PedalMotion(4.0, 1.0, rough), Sensors(20.0, 0.01))
     assert diagnosed(seen).findings == ()
 
 

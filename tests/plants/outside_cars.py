@@ -33,6 +33,7 @@ class Car(NamedTuple):
     second_lag: float = 0.0  # s
     low_load_lag: float = 0.0  # s, of a charger that is at half its speed at a pedal of 12 %
     curvature: float = 0.0  # of the pedal's map, about 20 %
+    period: float = STEP  # s, after which the engine, and the log, take a new value of the pedal
 
 
 class Sensors(NamedTuple):
@@ -86,12 +87,13 @@ def car_drive(
     late, keep = round(THETA / STEP), math.exp(-STEP / TAU)
     rates, headways = np.zeros(n), np.zeros(n)
     v, gap, answer, drive, given = float(lead[0]), HEADWAY * float(lead[0]), 0.0, car.level, car.level
-    rows = np.empty((n, 5))
+    rows, pedal, every = np.empty((n, 5)), car.level, round(car.period / STEP)
     for k in range(n):
         rates[k], headways[k] = lead[k] - v, gap / max(v, 1.0) - HEADWAY
         then = max(k - late, 0)
         answer = keep * answer + (1.0 - keep) * (K_RATE * rates[then] + K_HEADWAY * headways[then])
-        pedal = min(max(car.level + answer + own[k], 0.0), 100.0)
+        if k % every == 0:
+            pedal = min(max(car.level + answer + own[k], 0.0), 100.0)
         pressed = pedal + car.curvature * pedal * (pedal / 20.0 - 1.0)
         drive += _share(car.lag) * (pressed - drive)
         further = car.second_lag + car.low_load_lag / (1.0 + math.exp((drive - 12.0) / 4.0))
