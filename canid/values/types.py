@@ -411,9 +411,7 @@ class SignalFinding(NamedTuple):
         bool  # an input or the output of the model is among the roles: no estimate is `ok` while it stands
     )
     until: Annotated[float, TIME] = NAN  # s; NaN: it stands
-    withholds_delays: bool = (
-        False  # likewise, but gains hold: no tau and dead time are quoted while it stands
-    )
+    withholds_delays: bool = False  # the gains hold: tau and dead time alone are withheld
 
 
 class SignalReport(NamedTuple):

@@ -19,9 +19,9 @@ MIN_READINGS, MIN_HELD, MIN_KNOTS = 8, 4, 5
 MIN_RUN = 2
 # times the smallest step: a coarse signal goes from one value to the next, what is held jumps over some; and of the steps
 JUMP_FACTOR, JUMP_SHARE = 2.5, 0.6
-# changes that show a clock, periods that are tried around the usual run, and length of the mean phase vector: of 12 changes
-# at random phases it exceeds this once in 10,000
-MIN_COHERENT, PERIODS, COHERENT = 12, np.linspace(0.97, 1.03, 13), 0.9
+# changes of a coarse value, and knots, that show a clock; periods that are tried around the usual run; length of the mean
+# phase vector: at random phases 12 changes exceed it on 1 of 10,000 spans, 6 knots on 1 of 50, which bend straight lines
+MIN_CHANGES, MIN_COHERENT_KNOTS, PERIODS, COHERENT = 12, 6, np.linspace(0.97, 1.03, 13), 0.9
 # times the resolution, by which rounding bends a straight line at most
 STRAIGHT = 2.05
 # of a unit; finer decimals are the rounding of floats
@@ -134,9 +134,13 @@ def _held(t: Array, value: Array, changed: npt.NDArray[np.int64]) -> float:
     if np.mean(jumps > JUMP_FACTOR * jumps.min()) >= JUMP_SHARE:
         return period
     # coarse values go to the next one, too, but only those that are held do so at one phase of a clock
-    turns = np.outer(t[changed], 1.0 / (period * PERIODS))
-    coherence = np.abs(np.exp(2j * np.pi * turns).mean(axis=0)).max()
-    return period if len(changed) >= MIN_COHERENT and coherence > COHERENT else 0.0
+    return period if _coherent(t[changed], period, MIN_CHANGES) else 0.0
+
+
+def _coherent(t: Array, period: float, needed: int) -> bool:
+    """Whether so many times or more are at one phase of a clock of about this period."""
+    turns = np.outer(t, 1.0 / (period * PERIODS))
+    return len(t) >= needed and bool(np.abs(np.exp(2j * np.pi * turns).mean(axis=0)).max() > COHERENT)
 
 
 def _joined(t: Array, value: Array, resolution: float) -> float:
@@ -154,9 +158,12 @@ def _joined(t: Array, value: Array, resolution: float) -> float:
     first = np.flatnonzero(np.diff(bent.astype(int), prepend=0) == 1)
     length = np.bincount(np.cumsum(np.diff(bent.astype(int), prepend=0) == 1)[bent])[1:]
     # a knot between two readings bends at both
-    if len(first) < MIN_KNOTS or length.max() > MIN_RUN or np.median(bend[bent]) < BENT * limit:
+    if len(first) < MIN_KNOTS or length.max() > MIN_RUN or np.sort(np.diff(first))[1] <= MIN_RUN:
         return 0.0
-    spacing = np.diff(first)
-    if np.sort(spacing)[1] <= MIN_RUN:
-        return 0.0
-    return float(np.quantile(np.diff(t[first]), USUAL_QUANTILE))
+    period = float(np.quantile(np.diff(t[first]), USUAL_QUANTILE))
+    # where rounding hides how straight the lines are, their knots are at one phase of a clock
+    return (
+        period
+        if np.median(bend[bent]) >= BENT * limit or _coherent(t[first], period, MIN_COHERENT_KNOTS)
+        else 0.0
+    )

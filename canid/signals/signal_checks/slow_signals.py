@@ -19,7 +19,7 @@ from canid.values.text.names import readable
 
 # s; between the periods of 4 Hz, at which intervals hold, and of 3.3 Hz (OBD2 polled), at which they do not always
 MAX_UPDATE_S = 0.28
-# spans that are kept, and needed: half a minute, so that one calm stretch decides nothing
+# spans that are kept, a minute, and of these that must be slow: one calm stretch decides nothing
 KEPT_SPANS, NEEDED_SPANS = 6, 3
 # roles that the inputs are made of; any other that comes is the output
 INPUTS = frozenset(("gap", "range_rate", "speed", "lateral_offset"))
@@ -31,13 +31,19 @@ class Update(NamedTuple):
 
     seconds: float  # s between new values
     kind: str
-    since: Annotated[float, TIME]  # s, begin of the span
+
+
+class Shown(NamedTuple):
+    """What the spans of one role have shown."""
+
+    since: Annotated[float, TIME]  # s, begin of the first: a rate is that of the whole drive
+    updates: tuple[Update, ...]  # of the latest
 
 
 class State(NamedTuple):
-    """By role, what the latest spans have shown."""
+    """By role."""
 
-    shown: Mapping[str, tuple[Update, ...]] = {}
+    shown: Mapping[str, Shown] = {}
 
 
 def init() -> State:
@@ -68,37 +74,35 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
     for span in block.spans:
         if (span.role in INPUTS) == inputs and span.update == span.update:
             # the readings' own time, and the estimators' where they differ after a restart
-            update = Update(span.update, span.kind, max(min(span.t, block.t) - SPAN_S, 0.0))
-            shown[span.role] = (*shown.get(span.role, ()), update)[-KEPT_SPANS:]
+            before = shown.get(span.role) or Shown(max(min(span.t, block.t) - SPAN_S, 0.0), ())
+            updates = (*before.updates, Update(span.update, span.kind))[-KEPT_SPANS:]
+            shown[span.role] = before._replace(updates=updates)
     state = State(shown)
-    slow = {
-        role: usual for role, updates in shown.items() if (usual := _usual(updates)).seconds > MAX_UPDATE_S
-    }
+    slow = {role: update for role, seen in shown.items() if (update := _slow(seen.updates)) is not None}
     if not slow:
         return state, None
     parts: dict[str, list[str]] = {}
-    for role, usual in slow.items():
-        how = f"at {1.0 / usual.seconds:.2g} Hz{BETWEEN[usual.kind]}"
+    for role, update in slow.items():
+        how = f"at {1.0 / update.seconds:.2g} Hz{BETWEEN[update.kind]}"
         parts.setdefault(how, []).append(readable(role))
     named = "; ".join(
         f"{', '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}" for how, roles in parts.items()
     )
-    longest = max(usual.seconds for usual in slow.values())
+    longest = max(update.seconds for update in slow.values())
     what = "responses to it are not identifiable"
     if not inputs:
         what = f"tau and theta cannot be identified below {longest:.2g} s"
     says = f"{named}: {what}"
-    since = min(updates[0].since for role, updates in shown.items() if role in slow)
+    since = min(shown[role].since for role in slow)
     remedy = f"record {', '.join(map(readable, slow))} at 5 Hz or more"
     name = "input_slow" if inputs else "output_slow"
     return state, Found(name, tuple(slow), since, says, remedy, delays_only=not inputs)
 
 
-def _usual(updates: tuple[Update, ...]) -> Update:
-    """The median of the latest spans; no seconds where they are too few."""
-    if len(updates) < NEEDED_SPANS:
-        return Update(0.0, "points", 0.0)
-    return sorted(updates)[len(updates) // 2]
+def _slow(updates: tuple[Update, ...]) -> Update | None:
+    """How the value is updated where enough spans show that it is slow; not each of them shows the knots of lines."""
+    slow = sorted(update for update in updates if update.seconds > MAX_UPDATE_S)
+    return slow[len(slow) // 2] if len(slow) >= NEEDED_SPANS else None
 
 
 CHECKS = (
