@@ -3,49 +3,20 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from canid.models.pipeline import pipeline
 from canid.signals.samples import no_target, trace_assembly
-from canid.signals.vehicle import Vehicle, read_vehicle
+from canid.signals.vehicle import Vehicle
 from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
 from canid.values.frame_columns import chunks
 from canid.values.types import NAN, Array, Frame, Sample, Trace
+from tests.samples.radar import ROWS, SPEED, T, frames, motion, vehicle
 
-T = 0.05 * np.arange(6000)
-# of a whole drive
-ROWS = 2400
-SPEED = np.round(22.0 + 2.0 * np.sin(T / 9.0), 2)
-DBC = """VERSION ""
-BU_: X
-BO_ 256 CAR: 8 X
- SG_ Pedal : 0|16@1+ (0.01,0) [0|100] "%" X
- SG_ Speed : 16|16@1+ (0.01,0) [0|400] "km/h" X
-BO_ 416 RADAR: 8 X
- SG_ Distance : 0|11@1+ (0.1,0) [0|204.7] "m" X
- SG_ Rate : 16|9@1+ (0.1,-16.4) [-16.4|34.7] "m/s" X
-"""
-TOML = """name = "radar"
-dbc = ["radar.dbc"]
-[signals]
-pedal = "CAR.Pedal"
-speed = "CAR.Speed"
-gap = "RADAR.Distance"
-range_rate = "RADAR.Rate"
-"""
 # raw distance and rate that a radar sends without a target
 NONE = {"zeros": (0, 164), "all zeros": (0, 0), "all ones": (2047, 511)}
-
-
-def motion(seed: int) -> tuple[Array, Array]:
-    """A gap in m that its range rate in m/s moves."""
-    rng = np.random.default_rng(seed)
-    rate = np.convolve(rng.normal(0.0, 3.0, len(T) + 199), np.hanning(200) / 100.0, "valid")
-    gap = 40.0 + 0.05 * np.cumsum(rate)
-    return np.maximum(gap - gap.mean() + 40.0, 5.0), rate
 
 
 def holes(seed: int) -> Array:
@@ -140,36 +111,17 @@ def test_chunks_do_not_matter(seed: int) -> None:
 @pytest.fixture(scope="module")
 def radar(tmp_path_factory: pytest.TempPathFactory) -> Vehicle:
     """A radar without a flag."""
-    folder: Path = tmp_path_factory.mktemp("radar")
-    (folder / "radar.dbc").write_text(DBC, encoding="utf-8")
-    (folder / "radar.toml").write_text(TOML, encoding="utf-8")
-    return read_vehicle(folder / "radar.toml")
+    return vehicle(tmp_path_factory.mktemp("radar"))
 
 
-def frames(none: Array, raw: tuple[int, int] | None, seed: int) -> list[Frame]:
-    """A drive; without a target these raw numbers, or no message."""
-    gap, rate = motion(seed)
-    out = []
-    for k, t in enumerate(T[:ROWS].tolist()):
-        pedal = round(2500 + 300 * rate[k])
-        car = pedal.to_bytes(2, "little") + round(360 * SPEED[k]).to_bytes(2, "little") + bytes(4)
-        out.append(Frame(t, 0, 0x100, car))
-        numbers = (round(10 * gap[k]), round(10 * rate[k]) + 164) if not none[k] else raw
-        if numbers is not None:
-            data = bytes([255] * 8) if numbers == NONE["all ones"] else b""
-            data = data or (numbers[0] | numbers[1] << 16).to_bytes(8, "little")
-            out.append(Frame(t + 0.001, 0, 0x1A0, data))
-    return out
-
-
-def traced(vehicle: Vehicle, several: list[Frame], size: int) -> tuple[Trace, dict[str, int]]:
+def traced(car: Vehicle, several: list[Frame], size: int) -> tuple[Trace, dict[str, int]]:
     """The samples of a drive, and what was left out."""
-    running = pipeline.build(vehicle, estimating=False)
+    running = pipeline.build(car, estimating=False)
     state, samples = running.init(), []
     for chunk in chunks(several, size):
         state, out = running.step(state, chunk)
         samples += [item for _, item in out if isinstance(item, Sample)]
-    return trace_assembly.trace(samples, vehicle.driver, pipeline.DT), dict(state.sampler.decoding.counters)
+    return trace_assembly.trace(samples, car.driver, pipeline.DT), dict(state.sampler.decoding.counters)
 
 
 @pytest.mark.parametrize("kind", NONE)

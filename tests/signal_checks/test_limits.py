@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from canid.analysis.tables.arrays import from_arrays
+from canid.models.pipeline import pipeline
 from canid.signals.signal_checks.drive_time import behind_a_lead
-from canid.values.types import LearnGate, Trace
+from canid.values.frame_columns import chunks
+from canid.values.types import LearnGate, Sample, SignalReport, Trace
+from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, needs_measured
+from tests.samples.radar import T, frames, vehicle
 from tests.signal_checks.synthetic import DT, Columns, following
 from tests.tables.reading import read_table
 
@@ -61,6 +67,24 @@ def test_without_a_limit_nothing_is_found(seed: int) -> None:
     coarse = from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **columns)
     assert coarse.findings == ()
     assert LearnGate.LIMITED not in coarse.gate
+
+
+def test_chunks_do_not_matter(tmp_path: Path, seed: int) -> None:
+    """Samples and findings are the same live, in chunks of some frames, to the last bit."""
+    car = vehicle(tmp_path)
+    several = frames(np.zeros(len(T), bool), None, seed, limit=0.4, sd=9.0)
+    runs = []
+    for size in (4096, 7):
+        running = pipeline.build(car, estimating=False)
+        state, out = running.init(), []
+        for chunk in chunks(several, size):
+            state, made = running.step(state, chunk)
+            out += [item for _, item in made if isinstance(item, Sample | SignalReport)]
+        runs.append(out)
+    says = [f.says for item in runs[0] if isinstance(item, SignalReport) for f in item.findings]
+    assert "range_rate is limited at ±0.4 m/s" in says
+    assert any(isinstance(item, Sample) and item.gate is LearnGate.LIMITED for item in runs[0])
+    assert exact(runs[0]) == exact(runs[1])
 
 
 @needs_measured

@@ -248,7 +248,7 @@ def _judged(side: Side, other: Side, resolution: float) -> Side:
     # 0 is where a relative motion or an offset rests
     if side.found or not counts.visits or side.value == 0.0:
         return side
-    if other.counts.visits and side.value == other.value:
+    if other.counts.visits and abs(side.value - other.value) <= ROUNDING * (1.0 + abs(side.value)):
         counts = Counts._make(a + b for a, b in zip(counts, other.counts, strict=True))
     turned = counts.turned >= max(MIN_VISITS, MIN_SHARE * counts.visits) and counts.time >= MIN_TIME_S
     return side._replace(found=turned or _exceeded(side.value, counts, resolution))

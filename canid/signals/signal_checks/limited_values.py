@@ -37,7 +37,7 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     role, age, low, high = block.limited[-1]
     both = low > -math.inf and high < math.inf
     if both:
-        name, where = "", f"±{high:.4g}" if high == -low else f"{low:.4g} and {high:.4g}"
+        name, where = "", f"±{high:.4g}" if math.isclose(high, -low) else f"{low:.4g} and {high:.4g}"
     else:
         name, where = ("_above", f"{high:.4g}") if high < math.inf else ("_below", f"{low:.4g}")
     says = f"{role} is limited at {where} {ROLES[role].unit}"
