@@ -225,8 +225,8 @@ def _stepped(state: State, source_t: float, wrap: clock_wraps.Wrap | None) -> tu
         says = f"no frame for {-late / 3600.0:.3g} h {at}: a pause, or its clock was set"
         return state, Event(state.latest, "clock_step", says)
     if wrap is not None:
-        added = {"offset": state.offset + wrap.period, "wraps": state.wraps + wrap.period}
-        after = state._replace(**added, wrapped=wrap.period)
+        offset, wraps = state.offset + wrap.period, state.wraps + wrap.period
+        after = state._replace(offset=offset, wraps=wraps, wrapped=wrap.period)
         says = f"{wrap.says} {at}: time goes on from there"
         return after, None if wrap.period == state.wrapped else Event(state.latest, "clock_step", says)
     way = f"set back by {late:.1f} s" if late > 0 else f"set ahead by {-late / 86_400.0:.3g} days"

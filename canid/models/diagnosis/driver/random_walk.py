@@ -33,6 +33,9 @@ BRISK_STEP_S = 0.2
 # with fewer knots the variance of the steps is not identifiable
 MIN_KNOTS = 6
 
+# s of a pause that has knots: those of a night would be thousands, in which nothing is measured
+MAX_PAUSE_S = 3600.0
+
 
 class RandomWalk(NamedTuple):
     """An estimated random walk of the desired headway."""
@@ -47,9 +50,9 @@ class RandomWalk(NamedTuple):
 
 def shapes(data: DriverData, q: Array) -> Array:
     """Response of the output to one second of desired headway at each knot: (n, knots)."""
-    t = data.seen.t
-    knots = int(np.ceil(data.seen.duration / KNOT_SPACING_S)) + 1
-    at = t / KNOT_SPACING_S
+    longer = np.maximum(np.diff(data.seen.t, prepend=data.seen.t[:1]) - MAX_PAUSE_S, 0.0)
+    knots = int(np.ceil((data.seen.duration - longer.sum()) / KNOT_SPACING_S)) + 1
+    at = (data.seen.t - np.cumsum(longer)) / KNOT_SPACING_S
     columns = np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(knots)[None, :]))
     dt = data.output.dt
     return np.stack(
