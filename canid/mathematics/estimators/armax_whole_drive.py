@@ -23,8 +23,8 @@ from canid.mathematics.identification.armax.simulated_fit import armax_fit_perce
 from canid.mathematics.identification.output_filter import is_unknown
 from canid.values.types import Array, Channel, LearnGate, ResidualTests, Trace
 
-# a wheel crosses its range in half a second: what its limits leave is in pieces as long as the model's memory. With 5 % of the
-# time at either limit K of two simulated lane keepers was -0.57 and -0.73 instead of -0.93, both with narrow intervals
+# a wheel crosses its range in half a second: what its limits leave is in pieces as long as the model's memory. With 5 % of
+# the time at either limit K of two simulated lane keepers was -0.57 and -0.73 instead of -0.93
 AT_LIMIT = "the output is at its limit too often for a model of one input: steer within its limits"
 
 
