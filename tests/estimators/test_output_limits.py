@@ -9,14 +9,18 @@ import canid
 from canid.analysis.drive.drive_parameters import Identified
 from canid.analysis.drive.identification_json import document
 from canid.ui.views.identification_text import summary
-from canid.values.types import LearnGate
+from canid.values.types import QUOTED, LearnGate, Trace
 from tests.fixtures.measured_logs import files, needs_measured
 from tests.plants.outside_drives import HELLY, Drive, accel_drive, helly_drive
 from tests.plants.quoted_intervals import trace
 
 
+def identify(drive: Trace, sliding: bool = False) -> Identified:
+    return canid.identify(drive, select_orders=False, sliding=sliding)
+
+
 def identified(drive: Drive, sliding: bool = False) -> Identified:
-    return canid.identify(trace(drive), select_orders=False, sliding=sliding)
+    return identify(trace(drive), sliding)
 
 
 def at_100_percent(seed: int, seconds: float = 600.0) -> Drive:
@@ -59,6 +63,16 @@ def test_live_windows_say_that_the_output_is_at_its_limit() -> None:
     columns["pedal"] = np.where(drive.t > 200.0, 100.0, columns["pedal"])
     last = identified(drive._replace(columns=columns), sliding=True).windows[-1]
     assert last.says == LearnGate.OUTPUT_LIMIT.value
+
+
+def test_of_a_wheel_at_its_lock_no_gain_is_quoted() -> None:
+    drive = canid.read_trace("replay_logs/lane_keeping.blf", "generic_lane")
+    assert QUOTED[identify(drive).channels["lateral_offset"].status]
+    wheel = np.clip(drive.output, *np.nanquantile(drive.output, [0.05, 0.95]))
+    result = identify(drive._replace(output=wheel, signals={**drive.signals, "steering_angle": wheel}))
+    assert [end.side for end in result.output_limits] == ["lower", "upper"]
+    assert not QUOTED[result.channels["lateral_offset"].status]
+    assert "at its limit" in result.whole["armax"].details["says"]
 
 
 @pytest.mark.slow("diagnoses a drive")

@@ -232,8 +232,10 @@ def _with_pedal(known: output_limits.Limits, output: str) -> output_limits.Limit
 def _near(known: output_limits.Limits, before: float, output: str, top: float) -> int:
     """Side on which a sample may be at a limit that the drive has met, by the sample before it; 0: on none.
 
-    A pedal's 0 % is left out: released, it falls there from anywhere.
+    A pedal's 0 % is left out: released, it falls there from anywhere. So is a wheel, that crosses its range at once.
     """
+    if output == "steering_angle":
+        return 0
     if before >= known.upper - known.margin and top >= known.upper - known.tolerance:
         return 1
     return -1 if output != "pedal" and before <= known.lower + known.margin else 0
@@ -252,7 +254,7 @@ def _bound(known: output_limits.Limits, side: int) -> float:
 
 def limits(trace: Trace) -> output_limits.Limits:
     """Return the limits of a drive's output, as all its samples show them; of a pedal its own ends as well."""
-    shown = np.array([gate in SHOWS_DEMAND for gate in trace.gate], dtype=bool)
+    shown = np.array([gate in SHOWS_DEMAND for gate in trace.gate], dtype=bool) & np.isfinite(trace.output)
     return _with_pedal(output_limits.find(trace.output[shown].tolist()), output_role(trace))
 
 
