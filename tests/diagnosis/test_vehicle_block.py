@@ -262,10 +262,13 @@ def test_the_model_passes_the_slope_that_the_speed_has_passed() -> None:
 @pytest.mark.parametrize(("lag", "rough"), [(0.0, True), (0.0, False), (0.3, True)])
 @mostly(0.95)
 def test_no_cause_is_named_because_the_acceleration_is_a_slope(lag: float, rough: bool, seed: int) -> None:
-    """Cars without a fault have none where only their speed was recorded."""
+    """Cars without a fault have none where only their speed was recorded, and are as strong as they are."""
     car = Car(lag, 0.12, 30.0, 4e-4, period=0.05)
     seen = car_drive(seed, car, PedalMotion(4.0, 1.0, rough), Sensors(20.0, 0.01))
-    assert diagnosed(seen).findings == ()
+    vehicle = diagnosed(seen)
+    assert vehicle.findings == ()
+    assert vehicle.cars is not None
+    assert vehicle.cars[1].q[STRENGTH] == pytest.approx(car.strength, rel=0.02)
 
 
 @pytest.mark.slow("diagnoses drives of an outside simulator")
