@@ -64,7 +64,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         >>> from canid.signals.samples.reading_spans import ReadingSpan
         >>> state, rows = init(), np.zeros((10, 10))
         >>> for k in range(3):
-        ...     span = ReadingSpan("pedal", 10.0 * k + 10.0, 0.5, 0.5, "points", 0.0, 2.0)
+        ...     span = ReadingSpan("pedal", 10.0 * k + 10.0, 0.5, "points", 0.0, 2.0)
         ...     block = Block(span.t, 0.1, rows, (), (), True, True, spans=(span,))
         ...     state, found = step(False, state, block)
         >>> found.says
