@@ -89,7 +89,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         f"{', '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}" for how, roles in parts.items()
     )
     longest = max(update.seconds for update in slow.values())
-    what = "responses to it are not identifiable"
+    what = "the response is not identifiable"
     if not inputs:
         what = f"tau and theta cannot be identified below {longest:.2g} s"
     says = f"{named}: {what}"
