@@ -71,10 +71,10 @@ def at_own_stamps(trace: Trace, usable: Flags) -> tuple[Trace, Flags]:
         trace: of a drive.
         usable: (n,) samples that are fitted.
     """
-    own = stamps(trace.output, usable)
-    if own is None:
+    slower = stamps(trace.output, usable)
+    if slower is None:
         return trace, usable
-    return thinned(trace, EVERY, own.first), usable[own.first :: EVERY]
+    return thinned(trace, EVERY, slower.first), usable[slower.first :: EVERY]
 
 
 def says(trace: Trace) -> str:
@@ -83,8 +83,8 @@ def says(trace: Trace) -> str:
     Args:
         trace: of a drive, as it was read.
     """
-    own = stamps(trace.output, trace.learn)
-    if own is None:
+    slower = stamps(trace.output, trace.learn)
+    if slower is None:
         return ""
-    how = "joined by lines" if own.between == "line" else "held in between"
+    how = "joined by lines" if slower.between == "line" else "held in between"
     return f"the output comes every {EVERY * trace.dt:.1f} s, {how}: its own readings alone are fitted"

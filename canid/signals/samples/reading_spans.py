@@ -39,7 +39,6 @@ class ReadingSpan(NamedTuple):
 
     role: str
     t: float  # s, of the reading behind them
-    interval: float  # s, median between readings
     update: float  # s, median between new values; NaN: the span does not show it
     kind: str  # what stands between new values: "points" nothing, "hold" the last one, "line" a straight line
     step: float  # of the lattice of the values; 0: none
@@ -118,7 +117,7 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     elif (joined := _joined(t, value, resolution)) > 0.0:
         # too few jumps to be called held: the lines are level
         kind, update = ("line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"), joined
-    return ReadingSpan(role, at, interval, update, kind, resolution, changes)
+    return ReadingSpan(role, at, update, kind, resolution, changes)
 
 
 def _held(t: Array, value: Array, changed: npt.NDArray[np.int64]) -> float:

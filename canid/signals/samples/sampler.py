@@ -198,7 +198,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
     readings = _by_role((*passed, *within.marks), made, frames, first)
     watched = state.spans
-    for source, role in _sources(settings.driver.output):
+    for source, role in _sources(settings.driver):
         if source in readings:
             t, value, frame = readings[source]
             watched, over = reading_spans.step(watched, role, t, value, frame - first)
@@ -236,9 +236,10 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     return after, Samples(samples, events, stamped, decoded, frames.t)
 
 
-def _sources(output: str) -> tuple[tuple[str, str], ...]:
+def _sources(driver: Driver) -> tuple[tuple[str, str], ...]:
     """Roles whose readings are watched, as they were reported, and what they are called."""
-    return (*((REPORTED.get(role, role), role) for role in NEEDED), (output, output))
+    inputs = ("speed", *REPORTED) if driver.task == "car_following" else TASK_INPUTS[driver.task]
+    return (*((REPORTED.get(role, role), role) for role in inputs), (driver.output, driver.output))
 
 
 def _variances(settings: _Settings, points: sampling_grid.Points) -> Iterator[tuple[float, ...]] | None:

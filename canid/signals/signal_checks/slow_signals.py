@@ -64,7 +64,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         >>> from canid.signals.samples.reading_spans import ReadingSpan
         >>> state, rows = init(), np.zeros((10, 10))
         >>> for k in range(3):
-        ...     span = ReadingSpan("pedal", 10.0 * k + 10.0, 0.5, 0.5, "points", 0.0, 2.0)
+        ...     span = ReadingSpan("pedal", 10.0 * k + 10.0, 0.5, "points", 0.0, 2.0)
         ...     block = Block(span.t, 0.1, rows, (), (), True, True, spans=(span,))
         ...     state, found = step(False, state, block)
         >>> found.says
@@ -89,7 +89,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         f"{', '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}" for how, roles in parts.items()
     )
     longest = max(update.seconds for update in slow.values())
-    what = "responses to it are not identifiable"
+    what = "the response is not identifiable"
     if not inputs:
         what = f"tau and theta cannot be identified below {longest:.2g} s"
     says = f"{named}: {what}"
