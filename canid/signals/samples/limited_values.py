@@ -29,8 +29,10 @@ SLOPE_S = 0.5
 MAX_STAY_S = 6.0
 # resolutions by which a signal would have gone beyond its extreme; within one it is rounded to it
 MIN_EXCESS = 1.5
-# of each, that make a limit: visits, s; and the share of all visits to that value
+# of each, that make a limit: visits, s; and the share of all visits to that value. In a coarse signal many are too short to
+# show it: a smaller share is enough where there are more, and more readings at the value than at the next one
 MIN_VISITS, MIN_TIME_S, MIN_SHARE = 4, 2.0, 0.6
+MIN_COARSE_VISITS, MIN_COARSE_SHARE = 6, 0.25
 # visits with which the gap decides; readings at the extreme, in multiples of those at the value next to it: far from its
 # mean a signal that is not limited has fewer
 MIN_GAP_VISITS, MIN_READINGS_RATIO = 6, 1.5
@@ -250,14 +252,16 @@ def _judged(side: Side, other: Side, resolution: float) -> Side:
         return side
     if other.counts.visits and abs(side.value - other.value) <= ROUNDING * (1.0 + abs(side.value)):
         counts = Counts._make(a + b for a, b in zip(counts, other.counts, strict=True))
-    turned = counts.turned >= max(MIN_VISITS, MIN_SHARE * counts.visits) and counts.time >= MIN_TIME_S
-    return side._replace(found=turned or _exceeded(side.value, counts, resolution))
+    many = counts.readings >= MIN_READINGS_RATIO * counts.next_readings
+    turned = counts.turned >= max(MIN_VISITS, MIN_SHARE * counts.visits)
+    turned |= many and counts.turned >= max(MIN_COARSE_VISITS, MIN_COARSE_SHARE * counts.visits)
+    limited = (turned and counts.time >= MIN_TIME_S) or (many and _exceeded(side.value, counts, resolution))
+    return side._replace(found=limited)
 
 
 def _exceeded(value: float, counts: Counts, resolution: float) -> bool:
     """Whether the gap changes by more than a range rate at its extreme means."""
-    many = counts.visits >= MIN_GAP_VISITS and counts.readings >= MIN_READINGS_RATIO * counts.next_readings
-    if not many or counts.stay < MIN_TIME_S:
+    if counts.visits < MIN_GAP_VISITS or counts.stay < MIN_TIME_S:
         return False
     error = GAP_SIGMAS * GAP_CHANGE_SD_M * math.sqrt(counts.visits)
     most = max(GAP_FACTOR * value, value + 0.5 * resolution) * counts.stay

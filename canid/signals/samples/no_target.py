@@ -109,6 +109,8 @@ def step(
     )
     times, counts = t.tolist(), Counter[str]()
     hidden: dict[int, list[int]] = {}
+    # written out: `_replace` takes long, and the own speed comes most often
+    speed, slow, fast = state.speed, state.slow, state.fast
     for row, place, k, index, value in items:
         role = ROLES[place]
         if role == "lead_valid":
@@ -118,16 +120,18 @@ def step(
             state = state._replace(gap=NAN) if role == "gap" else state
             continue
         elif role == "speed":
-            state = state._replace(speed=value, slow=min(state.slow, value), fast=max(state.fast, value))
+            speed, slow, fast = value, min(slow, value), max(fast, value)
         elif role == "gap":
+            state = state._replace(speed=speed, slow=slow, fast=fast)
             state, says = _report(state, times[row], value, largest)
+            slow, fast = state.slow, state.fast
             if says:
                 counts[says] += 1
-        else:
-            moved = state.moved or (state.rate == state.rate and value != state.rate)
-            state = state._replace(rate=value, moved=moved)
+        elif value != state.rate:
+            state = state._replace(rate=value, moved=state.moved or state.rate == state.rate)
         if state.none and role in ("gap", "range_rate"):
             hidden.setdefault(k, []).append(index)
+    state = state._replace(speed=speed, slow=slow, fast=fast)
     if not hidden:
         return state, decoded, counts
     roles = list(decoded.roles)
