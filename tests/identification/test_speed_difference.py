@@ -64,7 +64,8 @@ def test_an_acceleration_of_its_own_is_taken_whole(seed: int) -> None:
         speed = np.round(own.signals["speed"] / step) * step
         rounded = own._replace(signals={**own.signals, "speed": speed})
         assert fitted_trace(rounded) is rounded, step
-    pedal = own._replace(signals={**own.signals, "pedal": own.output})
+    travel = 50.0 + 10.0 * own.output
+    pedal = own._replace(output=travel, signals={**own.signals, "pedal": travel})
     assert fitted_trace(pedal) is pedal
 
 

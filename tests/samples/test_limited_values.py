@@ -9,7 +9,8 @@ import pytest
 from scipy.signal import lfilter
 
 from canid.signals.samples import limited_values
-from canid.signals.samples.limited_values import AT_LIMIT, Limited
+from canid.signals.samples.limited_values import AT_LIMIT
+from canid.signals.samples.reading_facts import Limited
 from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
 from canid.values.types import Array
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.signals.samples.reading_facts import Limited
 from canid.signals.samples.smoothing import MAX_REPORT_AGE_S
 from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
 from canid.values.types import NAN, Array
@@ -43,15 +44,6 @@ GAP_CHANGE_SD_M, GAP_SIGMAS, GAP_FACTOR = 0.35, 3.0, 1.1
 MAX_GAP_FACTOR = 4.0
 # of the value; smaller changes are the rounding of a conversion
 ROUNDING = 1e-9
-
-
-class Limited(NamedTuple):
-    """A signal is limited."""
-
-    role: str
-    age: float  # s, since it was at its limit for the first time
-    low: float  # in the role's unit; -inf: not limited on this side
-    high: float
 
 
 class Visit(NamedTuple):

@@ -78,7 +78,11 @@ def fitted_trace(trace: Trace) -> Trace:
     trace = learning_gate.with_limits(trace)
     used = usable(trace)
     if trace.findings and not used.all():
-        trace = trace._replace(learn=used, bound=None)
+        bound = trace.bound
+        if bound is not None:
+            # what a wrong signal has touched bounds nothing either
+            bound = np.where(trusted(trace.t, trace.findings), bound, math.nan)
+        trace = trace._replace(learn=used, bound=bound)
     return speed_difference.without_common_noise(*output_stamps.at_own_stamps(trace, used))[0]
 
 

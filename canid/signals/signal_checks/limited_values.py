@@ -28,7 +28,7 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
 
     Example:
         >>> import numpy as np
-        >>> from canid.signals.samples.limited_values import Limited
+        >>> from canid.signals.samples.reading_facts import Limited
         >>> limited = Limited("range_rate", 28.0, -0.8, 0.8)
         >>> block = Block(41.0, 0.1, np.zeros((10, 10)), (), (), True, True, limited=(limited,))
         >>> step(init(), block)[1].says
