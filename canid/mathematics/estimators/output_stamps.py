@@ -21,7 +21,7 @@ Flags = npt.NDArray[np.bool_]
 EVERY = 2
 # of the samples between readings, that must be where a line or the last reading is; and at most of the others
 BETWEEN_SHARE, OWN_SHARE = 0.95, 0.6
-# of the largest value, what floats make of a line
+# of the largest value, what floats make of a line, and of times that differ by less than a nanosecond
 FLOAT_ROUNDING = 1e-9
 
 
@@ -50,10 +50,11 @@ def stamps(output: Array, usable: Flags) -> Stamps | None:
     if np.count_nonzero(inner) < MIN_ROWS:
         return None
     y = output[1:-1]
-    limit = 1.05 * lattice_step(output[known]) + FLOAT_ROUNDING * float(np.abs(output[known]).max())
+    rounding = FLOAT_ROUNDING * float(np.abs(output[known]).max())
+    limits = {"line": 1.05 * lattice_step(output[known]) + rounding, "hold": rounding}
     odd = np.arange(1, len(output) - 1) % EVERY == 1
     for between, expected in (("line", 0.5 * (output[:-2] + output[2:])), ("hold", output[:-2])):
-        there = np.abs(y - expected) <= (limit if between == "line" else 0.0)
+        there = np.abs(y - expected) <= limits[between]
         shares = [
             float(there[inner & (odd == k)].mean()) if (inner & (odd == k)).any() else 0.0 for k in (0, 1)
         ]
