@@ -28,7 +28,9 @@ from canid.values.types import Array, Channel, LearnGate, ResidualTests, Trace
 # the time at either limit K of two simulated lane keepers was -0.57 and -0.73 instead of -0.93
 AT_LIMIT = "the output is at its limit too often for a model of one input: steer within its limits"
 # of 48 drives of 10 min with a limit K held on 46 of 47, the dead time on 9 of 14 (`python -m benchmarks measurement_ends`)
-DELAYS_AT_LIMIT = "the output is at its limit: what is left of it is in pieces, of which ARMAX quotes the gains alone"
+DELAYS_AT_LIMIT = (
+    "the output is at its limit: what is left of it is in pieces, of which ARMAX quotes the gains alone"
+)
 
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
