@@ -41,7 +41,7 @@ class ReadingSpan(NamedTuple):
     t: float  # s, of the reading behind them
     update: float  # s, median between new values; NaN: the span does not show it
     kind: str  # what stands between new values: "points" nothing, "hold" the last one, "line" a straight line
-    step: float  # of the lattice of the values; 0: none
+    step: float  # of the lattice of the values, between two values their difference; 0: none
     changes: float  # 1/s, how often the value changes
 
 
@@ -117,7 +117,9 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     elif (joined := _joined(t, value, resolution)) > 0.0:
         # too few jumps to be called held: the lines are level
         kind, update = ("line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"), joined
-    return ReadingSpan(role, at, update, kind, resolution, changes)
+    values = np.unique(value)
+    step = resolution if len(values) != 2 else float(values[1] - values[0])
+    return ReadingSpan(role, at, update, kind, step, changes)
 
 
 def _held(t: Array, value: Array, changed: npt.NDArray[np.int64]) -> float:

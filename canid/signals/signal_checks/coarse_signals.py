@@ -56,8 +56,8 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     for span in block.spans:
         if span.role == "gap":
             state = state._replace(gap_step=span.step)
-        if span.role == "range_rate" and span.kind == "points":
-            # of fewer than three values no lattice is known
+        # of one value no step is known
+        if span.role == "range_rate" and span.kind == "points" and span.changes > 0.0:
             steps = (*state.steps, span.step)[-MEMORY_SPANS:]
             changes = (*state.changes, span.changes)[-MEMORY_SPANS:]
             state = state._replace(steps=steps, changes=changes)
