@@ -126,8 +126,14 @@ def test_what_is_joined_by_lines_is_named(role: str, name: str, delays: bool, se
 def test_coarse_steps_without_noise_are_named(seed: int) -> None:
     """Steps of the size of the movement; not fine ones, and not coarse ones that noise averages over."""
     columns = following(seed, 5.0)
-    quiet = changed("range_rate", lambda x: stepped(1.5 * float(np.std(x)))(lagged(x, 0.3)))(columns)
-    assert "range_rate_coarse" in {one.name for one in with_spans(quiet)}
+    # the coarsest have one or two values in ten seconds
+    for factor in (1.0, 1.5, 2.5):
+        size = factor * float(np.std(columns["range_rate"]))
+        quiet = changed("range_rate", lambda x, size=size: stepped(size)(lagged(x, 0.3)))(columns)
+        named = [one for one in with_spans(quiet) if one.name == "range_rate_coarse"]
+        assert len(named) == 1, (factor, named)
+        # it stands to the end
+        assert np.isnan(named[0].until), (factor, named)
     for size in (0.1, 0.25):
         fine = changed("range_rate", stepped(size))(columns)
         assert "range_rate_coarse" not in {one.name for one in with_spans(fine)}
