@@ -33,7 +33,7 @@ SIGMAS = 3.7
 # s; what the interval must exceed: dead times are quoted to 0.05 s (mathematics/identification/identifiability.py)
 MAX_DELAY_S = 0.05
 # s; a quantity or a rate that is later than this moves gains as well. Of a gap K of range rate came out 5 % too large with
-# 0.4 s, 1 % with 0.2 s; of a range rate 14 of 14 gains held with 0.4 s, K of headway error came out 18 % too large with 0.8 s
+# 0.4 s, 1 % with 0.2 s; of a range rate 14 of 14 gains held with 0.4 s, K of headway error was 18 % too large with 0.8 s
 MAX_QUANTITY_DELAY_S, MAX_RATE_DELAY_S = 0.25, 0.5
 # s; a delay of more is a disagreement that other checks name
 LONGEST_S = 1.5
