@@ -58,6 +58,20 @@ def test_a_slow_update_is_found(hz: float, between: str, message_hz: float, step
     assert sum(right) >= 0.6 * len(shown), shown
 
 
+@pytest.mark.parametrize("between", ["hold", "line"])
+@mostly(0.9)
+def test_every_second_reading_may_be_a_value_of_its_own(between: str, seed: int) -> None:
+    """At 5 Hz in a table of 10 Hz, whichever rows hold the values."""
+    t = 0.1 * np.arange(round(SECONDS / 0.1))
+    first = seed % 2
+    own, value = t[first::2], signal(seed, 1e-4, t[first::2])
+    joined = np.interp(t, own, value)
+    held = value[np.maximum(np.searchsorted(own, t, side="right") - 1, 0)]
+    shown = spans(t, joined if between == "line" else held)
+    right = [abs(span.update - 0.2) < 0.02 and span.kind == between for span in shown]
+    assert sum(right) >= 0.6 * len(shown), shown
+
+
 @pytest.mark.parametrize("step", [1e-4, 0.1, 0.5])
 @pytest.mark.parametrize("hz", [10.0, 20.0, 100.0])
 def test_a_signal_of_its_message_is_no_slower(hz: float, step: float, seed: int) -> None:

@@ -26,6 +26,8 @@ MIN_CHANGES, MIN_COHERENT_KNOTS, PERIODS, COHERENT = 12, 6, np.linspace(0.97, 1.
 STRAIGHT = 2.05
 # of a unit; finer decimals are the rounding of floats
 DECIMALS = 1e-9
+# of every second reading, that must be straight where it is the middle of a line; and at most of the others
+BETWEEN_SHARE, KNOT_SHARE = 0.95, 0.6
 # times that, by which knots bend it
 BENT = 3.0
 # of the times between new values: one that happens to be the old one again makes two of them one
@@ -156,6 +158,9 @@ def _joined(t: Array, value: Array, resolution: float) -> float:
         FLOAT_ROUNDING * float(np.abs(value).max()),
     )
     bent = bend > limit
+    even, odd = (float(np.mean(~bent[k::2])) for k in (0, 1))
+    if max(even, odd) >= BETWEEN_SHARE and min(even, odd) <= KNOT_SHARE:
+        return 2.0 * float(np.median(dt))
     first = np.flatnonzero(np.diff(bent.astype(int), prepend=0) == 1)
     length = np.bincount(np.cumsum(np.diff(bent.astype(int), prepend=0) == 1)[bent])[1:]
     # a knot between two readings bends at both
