@@ -15,8 +15,11 @@ from hypothesis import strategies as st
 
 from canid.io.buses import messages, python_can
 from canid.io.logs import open_log, write_log
+from canid.io.logs.blf.blf_reader import read_blf_columns
 from canid.io.logs.blf.blf_writer import BlfWriter
+from canid.io.logs.reader_state import ReadState
 from canid.values.errors import OutputError
+from canid.values.frame_columns import columns_of
 from canid.values.types import Flag, Frame
 from tests.fixtures.measured_logs import files, needs_measured
 
@@ -232,3 +235,19 @@ def test_an_id_without_its_mark_has_29_bits(tmp_path: Path, compression: int, se
     log = open_log(written)
     assert (alone in {frame.id for frame in log}) == bool(compression)
     assert (log.damage is None) == bool(compression)
+
+
+def test_a_file_that_grows_between_its_size_and_its_header_is_undamaged(tmp_path: Path) -> None:
+    """A recorder appends a container, then writes the header that counts it; a reader may have asked for the size before."""
+    log = tmp_path / "growing.blf"
+    writer = BlfWriter(log, 0)
+    frames = [Frame(0.01 * k, 0, 0x100, b"ab") for k in range(20)]
+    writer.append_columns(columns_of(frames[:10]))
+    writer.checkpoint()
+    state = ReadState(size=log.stat().st_size)
+    writer.append_columns(columns_of(frames[10:]))
+    writer.checkpoint()
+    assert sum(len(chunk.t) for chunk in read_blf_columns(log, state)) == 20
+    assert state.damage is None
+    assert state.size == log.stat().st_size
+    writer.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -47,6 +48,9 @@ def read_blf_columns(path: Path, state: ReadState, wanted: WantedIds | None = No
     keep_memory()
     with open(path, "rb") as file:
         header, start = _file_header(file, path, state.size)
+        if header is not None and header.file_size > state.size:
+            # a recorder may have completed the file since it was asked for its size; the header comes after what it counts
+            state.size = os.fstat(file.fileno()).st_size
         reading = _Reading(state, header, wanted)
         if header is None:
             reading.lose(0, start, "the file's own header is damaged")
