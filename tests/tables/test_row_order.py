@@ -125,7 +125,8 @@ def test_a_coarse_clock_is_no_second_drive(tmp_path: Path) -> None:
     """Rows that share a second because the clock has no fraction stay as they are."""
     rows = [(float(k // 10), [f"{20 + k % 9}", "30", "0", "0"]) for k in range(300)]
     rows[100], rows[150] = rows[150], rows[100]
-    assert len(_written(tmp_path / "coarse.csv", "time [s]", rows).notes) == 1
+    notes = _written(tmp_path / "coarse.csv", "time [s]", rows).notes
+    assert len([note for note in notes if "no unit is stated" not in note]) == 1
 
 
 def test_reported_orders_are_the_sorted_table(measured: Path) -> None:
@@ -146,3 +147,43 @@ def test_numbers_with_thousands_separators(tmp_path: Path) -> None:
     plain.write_text("\n".join(["time," + ",".join(_HEAD), *rows]) + "\n", encoding="utf-8")
     assert _frames(open_table(path)) == _frames(open_table(plain))
     assert np.isfinite(open_table(path).log.start_utc)
+
+
+@pytest.mark.parametrize(
+    ("delimiter", "mark", "group"),
+    [
+        (";", ",", "."),
+        ("\t", ",", "."),
+        (";", ".", "'"),
+        (";", ",", "\u202f"),
+        (";", ",", ""),
+        (";", ".", ""),
+    ],
+)
+def test_thousands_are_grouped_as_in_each_country(
+    tmp_path: Path, delimiter: str, mark: str, group: str
+) -> None:
+    """Times in ms that pass a thousand, the first behind the rows by which the layout is judged."""
+
+    def written(x: float, places: int) -> str:
+        return f"{x:,.{places}f}".replace(",", "_").replace(".", mark).replace("_", group)
+
+    rows = [(7.0 * k, 20.0 + 0.1 * k, 1800.0 + k, 0.125, 3.5) for k in range(600)]
+    path, plain = tmp_path / "x.csv", tmp_path / "y.csv"
+    heads = ("time [ms]", "speed [m/s]", "gap [cm]", "range_rate [m/s]", "pedal [%]")
+    places = (0, 2, 1, 3, 1)
+    path.write_text(
+        "\n".join(
+            delimiter.join(x)
+            for x in [heads, *([written(x, n) for x, n in zip(row, places, strict=True)] for row in rows)]
+        ),
+        encoding="utf-8",
+    )
+    plain.write_text("\n".join(",".join(map(str, row)) for row in [heads, *rows]), encoding="utf-8")
+    np.testing.assert_allclose(_cells(path), _cells(plain), atol=0.006)
+
+
+def _cells(path: Path) -> np.ndarray:
+    """Stamps and values of a table's frames."""
+    parts = list(open_table(path).log.columns())
+    return np.concatenate([np.column_stack([part.t, part.data.view("<i8")]) for part in parts])

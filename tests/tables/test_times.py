@@ -267,3 +267,22 @@ def test_rows_in_another_order_are_sorted(tmp_path: Path, pattern: str, seed: in
         table = opened(tmp_path / "x.csv", "time", order, at(pattern, start))
         assert frames(table) == expected, name
         assert any("sorted" in note for note in table.notes), name
+
+
+@pytest.mark.parametrize("day", [45_000.25, 738_000.75])
+def test_date_numbers_count_days(tmp_path: Path, day: float) -> None:
+    """Numbers of spreadsheets and of MATLAB; the same rows with seconds since the start are the same drive."""
+    rows = drive(3, n=400)
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{day + t / 86_400:.10f}")
+    plain = opened(tmp_path / "y.csv", "time", rows, lambda t: f"{t:.3f}")
+    times, wanted = (np.concatenate([part.t for part in x.log.columns()]) for x in (table, plain))
+    np.testing.assert_allclose(times, wanted, atol=2e-5)
+    assert any("date numbers" in note for note in table.notes)
+    assert table.log.start_utc == pytest.approx((day - (25_569 if day < 1e5 else 719_529)) * 86_400, abs=1e-3)
+
+
+def test_seconds_since_a_start_of_the_clock_are_no_date_numbers(tmp_path: Path) -> None:
+    """The same size, in steps of a drive."""
+    rows = drive(4, n=400)
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{45_000.0 + t:.3f}")
+    assert not any("date numbers" in note for note in table.notes)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from typing import NamedTuple
 
+from canid.analysis.tables.heading_words import closing_in_words, role_in_words
 from canid.values.roles import ROLES
 
 
@@ -99,6 +101,7 @@ _ENDINGS = {
 }  # fmt: skip
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*", re.DOTALL)
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_ELISION = re.compile(r"\b[dl]['\u2019](?=\w)", re.IGNORECASE)  # "pédale d'accélérateur"
 # characters; a heading that is longer names no role
 MAX_HEADING = 200
 
@@ -127,17 +130,28 @@ def heading(text: str) -> Heading:
 
 
 def _name(text: str) -> str:
-    return re.sub(r"[^0-9a-zA-Z%²°]+", "_", _CAMEL.sub("_", text)).strip("_").lower()
+    bare = "".join(x for x in unicodedata.normalize("NFD", text) if not unicodedata.combining(x))
+    return re.sub(r"[^0-9a-zA-Z%²°]+", "_", _CAMEL.sub("_", _ELISION.sub("", bare))).strip("_").lower()
 
 
 def role_of(heading: Heading) -> str | None:
     """The role, or the other column of `EXTRA`, that a heading names; None: nothing that is known.
 
     Example:
-        >>> role_of(heading("v_ego [m/s]")), role_of(heading("gate"))
-        ('speed', None)
+        >>> role_of(heading("v_ego [m/s]")), role_of(heading("Geschwindigkeit [km/h]")), role_of(heading("gate"))
+        ('speed', 'speed', None)
     """
-    return _NAMED.get(heading.name)
+    return _NAMED.get(heading.name) or role_in_words(heading.name)
+
+
+def in_words(heading: Heading) -> bool:
+    """Whether a heading is none of the usual names, and its role is what its words say.
+
+    Example:
+        >>> in_words(heading("speed of the lead vehicle")), in_words(heading("lead_speed"))
+        (True, False)
+    """
+    return heading.name not in _NAMED
 
 
 def closing(heading: Heading) -> bool:
@@ -147,4 +161,4 @@ def closing(heading: Heading) -> bool:
         >>> closing(heading("closing_speed"))
         True
     """
-    return heading.name in CLOSING
+    return heading.name in CLOSING or (in_words(heading) and closing_in_words(heading.name))

@@ -9,7 +9,19 @@ from typing import NamedTuple
 from canid.analysis.tables import column_map
 from canid.analysis.tables.column_map import ColumnEntry, ColumnMap
 from canid.analysis.tables.heading_readings import readings
-from canid.analysis.tables.headings import ALIASES, DATED, EXTRA, HEADWAY, TIME, Heading, closing, heading
+from canid.analysis.tables.heading_words import says_accelerator
+from canid.analysis.tables.headings import (
+    ALIASES,
+    DATED,
+    EXTRA,
+    HEADWAY,
+    TIME,
+    Heading,
+    closing,
+    heading,
+    in_words,
+    role_of,
+)
 from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
 from canid.analysis.tables.source import Source
 from canid.signals.vehicle.quoting import brief, several
@@ -85,8 +97,10 @@ def resolve(
     if by.entries:
         return _by_map(parsed, by, name, number, says)
     by_name, notes = _by_heading(parsed, name, says, source)
+    notes += _units_taken(by_name) if source is not None and says is COMMAND_LINE else []
     made = Resolved(by_name, by, tuple(f"{name}: {note}" for note in notes))
-    if _follows(made.found) or by.driver is not None:
+    usual = {role: column for role, column in by_name.items() if not in_words(parsed[column.place])}
+    if _follows(usual) or by.driver is not None:
         return made
     for title in column_map.shipped():
         candidate = column_map.read_map(title)
@@ -95,7 +109,7 @@ def resolve(
             continue
         other = _entries(parsed, candidate, number or (numbers[0] if numbers else None))
         timed = TIME in other or (candidate.entries[TIME].rate is not None and not candidate.header)
-        if timed and _follows(other) and len(other) > len(made.found) - (TIME in made.found):
+        if timed and _follows(other) and len(other) > len(usual) - (TIME in usual):
             resolved = _by_map(parsed, candidate, name, number, says)
             return resolved._replace(notes=(f"{name}: read as {candidate.name} (--columns {title})",))
     return made
@@ -118,6 +132,8 @@ def _by_heading(
     by_role = {}
     for role, places in candidates.items():
         exact = [place for place in places if parsed[place].name == role]
+        # usual names come before what is understood by its words
+        places = [place for place in places if not in_words(parsed[place])] or places
         if role == TIME and not exact:
             places = _times(places, parsed, source)
         chosen = exact or places
@@ -144,7 +160,26 @@ def _by_heading(
     if source is not None and "speed" not in by_role and "gnss_speed" in by_role:
         by_role["speed"] = by_role.pop("gnss_speed")
         notes.append("speed: the one by satellite, since there is no other")
+    if "pedal" not in by_role:
+        texts = [brief(x.text.strip()) for x in parsed if role_of(x) is None and says_accelerator(x.name)]
+        notes.extend(
+            f"{text}: not used, since it may be no pedal in %; where it is: {says.column('pedal', text)}"
+            for text in texts[:MAX_DESCRIBED]
+        )
     return by_role, notes
+
+
+def _units_taken(by_role: Mapping[str, Found]) -> list[str]:
+    """A sentence on columns that state no unit, of those that people write in several.
+
+    >>> _units_taken(resolve(["t", "speed", "gap [m]", "v_rel"], ColumnMap(), "x.csv").found)
+    ['no unit is stated for speed, range_rate: taken in m/s']
+    """
+    out = []
+    for unit, roles in (("m/s", ("speed", "lead_speed", "range_rate")), ("m", ("gap",))):
+        missing = [role for role in roles if role in by_role and by_role[role].unit is None]
+        out += [f"{', '.join(missing)}: taken in {unit}"] if missing else []
+    return [f"no unit is stated for {'; for '.join(out)}"] if out else []
 
 
 def _times(places: Sequence[int], parsed: Sequence[Heading], source: Source | None) -> list[int]:
@@ -152,7 +187,8 @@ def _times(places: Sequence[int], parsed: Sequence[Heading], source: Source | No
     sample = source.sample() if source is not None and len(places) > 1 else []
     advance = [place for place in places if not sample or len({*sample[place]}) > 1] or list(places)
     undated = [place for place in advance if parsed[place].name not in DATED] or advance
-    return sorted(undated, key=lambda place: ALIASES[TIME].index(parsed[place].name))
+    usual = (*ALIASES[TIME], *(parsed[place].name for place in undated))
+    return sorted(undated, key=lambda place: usual.index(parsed[place].name))
 
 
 def _same_quantity(columns: Sequence[Heading]) -> bool:

@@ -16,9 +16,24 @@ from canid.values.errors import ConfigError
 from canid.values.types import NAN, Array
 
 # s of one unit
-UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+UNITS = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "μs": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "h": 3600.0,
+    "d": 86_400.0,
+}
 _NAMES = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
-          "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "minutes": "min", "hours": "h"}  # fmt: skip
+          "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "minutes": "min", "hours": "h",
+          "days": "d"}  # fmt: skip
+# date numbers, days of a calendar: the values of 1950 to 2100 and that of 1970-01-01, of spreadsheets and of MATLAB
+_DATE_NUMBERS = ((18_264.0, 73_051.0, 25_569.0), (712_224.0, 767_011.0, 719_529.0))
+# steps as seconds that no table of a drive has, and as days the longest and shortest that one has, s
+_STEP_OF_DAYS = (2e-4, 1e-3, 60.0)
 # numbers from which on a time counts from 1970, by its unit; 2001 in s is 1e9, and no drive lasts 30 years
 _EPOCH_FROM = 1e9
 # a time whose steps are longer than this is taken to count in ms: nothing is identified from a value every 5 s
@@ -93,11 +108,32 @@ def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = 
     if rate is not None:
         return _since(t, first, 1.0 / rate, None, "")
     note = ""
-    if unit is None:
+    from_1970 = first
+    if unit in (None, "d") and (zero := _date_number(t)) is not None:
+        unit, from_1970, note = "d", first - zero, f"{name}: taken as date numbers, which count days"
+    elif unit is None:
         unit, note = _judged(t, name)
     factor = UNITS[unit]
-    epoch = round(first * factor * 1e9) if first * factor >= _EPOCH_FROM else None
+    epoch = round(from_1970 * factor * 1e9) if from_1970 * factor >= _EPOCH_FROM else None
     return _since(t, first, factor, epoch, note)
+
+
+def _date_number(t: Array) -> float | None:
+    """What 1970-01-01 is in the calendar of date numbers; None: the numbers are none.
+
+    >>> _date_number(45_000.5 + np.arange(9) * 0.1 / 86_400), _date_number(45_000.5 + np.arange(9) * 0.1)
+    (25569.0, None)
+    """
+    known = t[np.isfinite(t)]
+    steps = np.diff(np.sort(known))
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    longest, low, high = _STEP_OF_DAYS
+    if not (step < longest and low < step * UNITS["d"] < high):
+        return None
+    for least, most, zero in _DATE_NUMBERS:
+        if least < known.min() and known.max() < most:
+            return zero
+    return None
 
 
 def _since(t: Array, first: float, factor: float, epoch: int | None, note: str) -> Times:
@@ -113,7 +149,7 @@ def judged_unit(values: Array) -> str:
         >>> judged_unit(np.array([1533224087200.0, 1533224087100.0]))
         'ms'
     """
-    return _judged(np.sort(values), "")[0]
+    return "d" if _date_number(values) is not None else _judged(np.sort(values), "")[0]
 
 
 def later(times: Times, rows: npt.NDArray[np.int64]) -> Times:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from canid.analysis.tables import time_column
 from canid.analysis.tables.headings import TIME, heading, role_of
 from canid.analysis.tables.source import MAX_COLUMNS
+from canid.analysis.tables.sources.grouped_numbers import by_points
 from canid.signals.vehicle.units import unit_of
 from canid.values.errors import LogError
 
@@ -213,5 +214,7 @@ def _layout(
     commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
     if delimiter == ",":  # in quotes, where a comma may separate thousands as well
         commas = [cell for cell in commas if not _THOUSANDS.fullmatch(cell)]
-    comma = bool(commas) and not any(map(_DECIMAL_POINT.fullmatch, cells))
+    points = [cell for cell in cells if _DECIMAL_POINT.fullmatch(cell)]
+    # next to decimal commas a point groups thousands: 1.234
+    comma = bool(commas) and all(map(by_points, points))
     return Layout(headings, delimiter, comma, skip, header, encoding)

@@ -6,13 +6,13 @@ What that reader refuses (texts among the numbers, quotes) is read cell by cell,
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from canid.analysis.tables.source import EMPTY, SAMPLE_ROWS, Block, number
+from canid.analysis.tables.sources.grouped_numbers import any_by_commas, any_by_points, plain
 from canid.analysis.tables.sources.text_layout import MAX_PREAMBLE_LINES, encoding_of, layout
 from canid.analysis.tables.sources.text_rows import Rows, form
 from canid.io.logs.reader_state import ReadState
@@ -23,9 +23,6 @@ from canid.values.types import Array
 # bytes of one line: ten thousand columns of twenty characters
 MAX_LINE_BYTES = 2 * 1024 * 1024
 _EMPTY = str(EMPTY).encode()
-# numbers as spreadsheets and portals export them, in quotes: 1,118,846,980,200
-_GROUPED = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
-_POINT = re.compile(r"[-+]?\d*\.\d+")
 
 
 class TextSource:
@@ -55,9 +52,8 @@ class TextSource:
                 continue
             if not self._form.wrong(cells):
                 rows.append([cell.strip() for cell in cells])
-        self._grouped = not self._layout.decimal_comma and _has_groups(rows)
-        if self._grouped:
-            rows = [[_ungrouped(cell) for cell in row] for row in rows]
+        self._grouped = not self._layout.decimal_comma and any_by_commas(rows)
+        rows = [[self._plain(cell) for cell in row] for row in rows]
         self._sample = [
             [row[k] if k < len(row) else "" for row in rows[:SAMPLE_ROWS]] for k in range(len(self.headings))
         ]
@@ -93,10 +89,11 @@ class TextSource:
         return texts[:most], numbers[:most]
 
     def sample(self) -> list[list[str]]:
-        """The texts of the first rows, a list per column; with a decimal point."""
-        if not self._layout.decimal_comma:
-            return self._sample
-        return [[cell.replace(",", ".") for cell in column] for column in self._sample]
+        """The texts of the first rows, a list per column; with a decimal point and without separators."""
+        return self._sample
+
+    def _plain(self, cell: str) -> str:
+        return plain(cell, self._layout.decimal_comma, self._grouped)
 
     def blocks(self, numbers: Sequence[int], texts: Sequence[int]) -> Iterator[Block]:
         """Read these columns, by their places. Raises LogError where the file cannot be read."""
@@ -126,6 +123,8 @@ class TextSource:
         if b'"' in data or b"_" in data or (self._layout.decimal_comma and d == b","):
             return None
         if self._layout.decimal_comma:
+            if any_by_points(data):
+                return None
             data = data.replace(b",", b".")
         if d:
             if d + d in data:
@@ -155,35 +154,16 @@ class TextSource:
 
     def _slow(self, rows: list[list[str]], numbers: Sequence[int]) -> Array:
         out = np.full((len(rows), len(numbers)), float(EMPTY))
-        comma = self._layout.decimal_comma
+        as_written = not (self._layout.decimal_comma or self._grouped)
         for j, k in enumerate(numbers):
             cells = [row[k] if k < len(row) else "" for row in rows]
-            if comma:
-                cells = [cell.replace(",", ".") for cell in cells]
-            elif self._grouped:
-                cells = [_ungrouped(cell) for cell in cells]
+            if not as_written:
+                cells = list(map(self._plain, cells))
             try:
                 out[:, j] = list(map(float, cells))
             except ValueError:
-                out[:, j] = list(map(number, cells))
+                out[:, j] = [number(self._plain(cell)) for cell in cells]
         return out
-
-
-def _ungrouped(cell: str) -> str:
-    """A number without its thousands separators.
-
-    >>> _ungrouped("1,118,846"), _ungrouped("a,b")
-    ('1118846', 'a,b')
-    """
-    return cell.replace(",", "") if "," in cell and _GROUPED.fullmatch(cell.strip()) else cell
-
-
-def _has_groups(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether commas in quoted numbers group thousands: two of them in one number, or next to decimal points."""
-    cells = [cell for row in rows for cell in row if "," in cell and _GROUPED.fullmatch(cell)]
-    if any(cell.count(",") > 1 or "." in cell for cell in cells):
-        return True
-    return bool(cells) and any(_POINT.fullmatch(cell) for row in rows for cell in row)
 
 
 def text_source(path: Path, names: Sequence[str] = ()) -> TextSource:

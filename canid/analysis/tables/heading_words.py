@@ -1,0 +1,137 @@
+"""What the words of a heading say, in English, German, French, Spanish and Italian: "speed of the lead vehicle".
+
+A heading is understood only where each of its words is known: "speed limit", "lead distance filtered" and "throttle
+position" stand for nothing. The names of `headings.ALIASES` come first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+
+# what a word stands for; "": it adds nothing
+_WORDS: dict[str, str] = {
+    "": "the of an my is value signal measured actual current vehicle car veh obd can canbus sensor radar lidar "
+    "fahrzeug des der die das zum zu von vom vor dem ist wert istwert gemessen gemessene aktuelle "
+    "du de la le les au aux un une en mesure mesuree vehicule voiture actuelle "
+    "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to",
+    "own": "own ego host self subject sv fv follower eigen eigenes eigene propre propio propia proprio propria",
+    "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "
+    "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant",
+    "relative": "relative rel relativ relativa relativo differenz",
+    "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
+    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita",
+    "rate": "rate",
+    "distance": "distance dist d distanz distancia distanza",
+    "gap": "gap range clearance abstand lucke interdistance",
+    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione",
+    "along": "longitudinal longit langs longitudinale",
+    "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore",
+    "pedal": "pedal pedale",
+    "place": "position pos stellung winkel posicion posizione",
+    "brake": "brake braking bremse brems frein freno",
+    "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
+    "time": "time t zeit zeitstempel temps tiempo",
+    "stamp": "stamp stempel",
+    "headway": "headway",
+    "satellite": "gps gnss",
+    "wheel": "wheel rad",
+    "steering": "steering steer lenkung lenk lenkrad",
+    "angle": "angle",
+    "engine": "engine motor",
+    "turns": "rpm drehzahl",
+    "yaw": "yaw gier",
+    "gear": "gear gang",
+}
+# what sets of meanings are; "along" is the direction that is meant anyway
+_ROLES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "time stamp"),
+    "speed": ("speed", "own speed"),
+    "lead_speed": ("lead speed",),
+    "range_rate": (
+        "relative speed", "relative speed lead", "relative speed own", "relative speed lead own", "gap rate",
+        "distance rate", "relative rate gap", "closing speed", "closing speed lead", "closing rate",
+    ),
+    "gap": (
+        "gap", "gap lead", "gap own lead", "gap distance", "distance lead", "distance own lead", "relative distance",
+        "relative distance lead", "gap distance lead",
+    ),
+    "headway": ("headway time", "gap time", "headway time lead", "gap time lead"),
+    "accel": ("acceleration", "own acceleration"),
+    "pedal": (
+        "accelerator", "accelerator pedal", "accelerator place", "accelerator pedal place", "own accelerator pedal",
+    ),
+    "brake": ("brake", "brake pedal", "brake switch", "brake pedal switch", "brake pedal place switch"),
+    "gnss_speed": ("satellite speed",),
+    "wheel_speed": ("wheel speed",),
+    "steering_angle": ("steering angle", "steering wheel angle", "steering place", "steering wheel place"),
+    "engine_speed": ("engine speed", "engine turns", "turns"),
+    "yaw_rate": ("yaw rate",),
+    "gear": ("gear",),
+}  # fmt: skip
+_MEANING = {word: meaning for meaning, words in _WORDS.items() for word in words.split()}
+_BY_MEANING = {frozenset(words.split()): role for role, sets in _ROLES.items() for words in sets}
+# what a word joined of others may hold, longest first: shorter ones stand in too many other words
+_PARTS = sorted((word for word in _MEANING if len(word) >= 3), key=len, reverse=True)
+
+
+def role_in_words(name: str) -> str | None:
+    """The role that the words of a heading say; None: a word is not known, or together they name nothing.
+
+    Args:
+        name: `Heading.name`.
+
+    Example:
+        >>> role_in_words("speed_of_the_lead_vehicle"), role_in_words("fahrzeuggeschwindigkeit")
+        ('lead_speed', 'speed')
+        >>> role_in_words("speed_limit") is None
+        True
+    """
+    meanings = _meanings(name.split("_"))
+    return None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
+
+
+def closing_in_words(name: str) -> bool:
+    """Whether the words name the range rate with the other sign.
+
+    Example:
+        >>> closing_in_words("closing_speed_of_the_lead"), closing_in_words("relative_speed")
+        (True, False)
+    """
+    return role_in_words(name) == "range_rate" and "closing" in (_meanings(name.split("_")) or ())
+
+
+def says_accelerator(name: str) -> bool:
+    """Whether a heading that has no role may still be that of the pedal.
+
+    Example:
+        >>> says_accelerator("throttle_position"), says_accelerator("accelerator_pedal_raw"), says_accelerator("pad")
+        (True, True, False)
+    """
+    return any(word == "throttle" or "accelerator" in (_meanings([word]) or ()) for word in name.split("_"))
+
+
+def _meanings(words: Iterable[str]) -> set[str] | None:
+    """All meanings; None: a word has none."""
+    out = set[str]()
+    for word in words:
+        parts = _parts(word)
+        if parts is None:
+            return None
+        out.update(parts)
+    return out - {""}
+
+
+@lru_cache(4096)
+def _parts(word: str) -> tuple[str, ...] | None:
+    """The meanings of a word, which may be joined of several: "fahrzeug" + "geschwindigkeit"."""
+    if word in _MEANING:
+        return (_MEANING[word],)
+    for part in _PARTS:
+        if word.startswith(part):
+            rest = word[len(part) :]
+            # a German joint: "Annäherung-s-geschwindigkeit"
+            for more in (rest, rest.removeprefix("s")):
+                if len(more) >= 3 and (ending := _parts(more)) is not None:
+                    return (_MEANING[part], *ending)
+    return None
