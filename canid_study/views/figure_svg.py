@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ VARIABLES = {
 }
 # of lines, the first one solid; dashes are those of `Curve.dashed`
 PATTERNS = ("-", "-.", ":")
+# lines that a legend lists one by one: more would need more height than a panel has
+MAX_LISTED = 8
 # points of a curve; a panel has some 800 px
 MAX_POINTS = 2000
 # curves with points and not more than this many get a marker each
@@ -114,7 +117,7 @@ def drawn(figure: Figure) -> str:
 def _panel(axes: Any, panel: Panel) -> None:
     """One pair of axes."""
     named: dict[str, int] = {}
-    for curve in panel.curves:
+    for curve in _listed(panel.curves):
         # lines of one color that the legend lists differ in their pattern
         k = named.get(curve.role, 0)
         named[curve.role] = k + bool(curve.label and not curve.points and not curve.dashed)
@@ -139,6 +142,25 @@ def _panel(axes: Any, panel: Panel) -> None:
         axes.spines[side].set_visible(False)
     if any(curve.label for curve in panel.curves):
         axes.legend(frameon=False, fontsize=8, loc="best")
+
+
+def _listed(curves: Sequence[Curve]) -> list[Curve]:
+    """The curves; of many of one color the first one's label counts them, and the others have none.
+
+    >>> many = [Curve(np.arange(3.0), np.arange(3.0), f"driver {k}") for k in range(1, 27)]
+    >>> [curve.label for curve in _listed(many)][:3]
+    ['driver 1 to driver 26 (26)', '', '']
+    """
+    out = list(curves)
+    for role in {curve.role for curve in curves}:
+        places = [k for k, curve in enumerate(curves) if curve.label and curve.role == role]
+        if len(places) <= MAX_LISTED:
+            continue
+        first, last = curves[places[0]].label, curves[places[-1]].label
+        for k in places:
+            out[k] = curves[k]._replace(label="")
+        out[places[0]] = curves[places[0]]._replace(label=f"{first} to {last} ({len(places)})")
+    return out
 
 
 def _curve(axes: Any, curve: Curve, pattern: str) -> None:

@@ -148,3 +148,11 @@ def test_a_log_without_what_is_needed_ends_with_1(tmp_path: Path, capsys: pytest
     shown = capsys.readouterr()
     assert "lane.blf" in shown.err
     assert "Traceback" not in shown.err
+
+
+def test_a_figure_of_many_drivers_has_room_for_its_axes() -> None:
+    """matplotlib warns where a legend leaves none, and a warning is an error here."""
+    x = np.linspace(0.1, 9.0, 20)
+    curves = tuple(Curve(x, x * k, f"c1 -0.3, driver {k}") for k in range(1, 41))
+    drawing = figure_svg.drawn(Figure("fig_10", "Many", (Panel("x", "y", curves), Panel("x", "z", curves))))
+    assert "c1 -0.3, driver 1 to c1 -0.3, driver 40 (40)" in drawing
