@@ -17,8 +17,6 @@ import math
 from functools import partial
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.signals.signal_checks.blocks import ACCEL, BLOCK_S, GAP, RANGE_RATE, SPEED, Block
 from canid.signals.signal_checks.check import Check, Found
