@@ -40,15 +40,15 @@ def fit(parts: Array, inputs: int, t: Array) -> DelayDrift | None:
 
     Args:
         parts: (b, 3 m + 2, 3 m + 2) products of one block each, of the whitened slopes of the answer by gains (m), offset,
-            taus (m) and dead times (m), and of what the fit leaves.
+            taus (m) and dead times (m), and of the output.
         inputs: m.
         t: (b,) s, of each block.
 
     Example:
         >>> rng, t = np.random.default_rng(1), np.arange(600.0)
         >>> x = rng.standard_normal((600, 50, 4))  # gain, offset, tau, dead time
-        >>> left = (3e-4 * t)[:, None] * x[:, :, 3] + rng.standard_normal((600, 50))
-        >>> x = np.concatenate([x, left[..., None]], axis=2)
+        >>> output = 5 * x[:, :, 0] + (3e-4 * t)[:, None] * x[:, :, 3] + rng.standard_normal((600, 50))
+        >>> x = np.concatenate([x, output[..., None]], axis=2)
         >>> drift = fit(x.transpose(0, 2, 1) @ x, 1, t)
         >>> drift.found, abs(drift.rate - 3e-4) < 3 * drift.sd
         (True, True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -286,9 +286,8 @@ def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
     channels = drive.channels
     if course.changes:
         channels = {name: not_quotable(channel) for name, channel in channels.items()}
-    details = {
+    details: dict[str, Any] = {
         "changes": course.changes,
-        "delay_drift": delay_drift.says(course.drift),
         "visible_change": {"factor": course.visible, "seconds": VISIBLE_S},
         "segments": [{"start": s.start, "stop": s.stop, "channels": s.channels} for s in course.segments],
         "constancy": [
@@ -296,6 +295,8 @@ def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
             for c in course.constancy
         ],
     }
+    if drifts := delay_drift.says(course.drift):
+        details["delay_drift"] = drifts
     return drive._replace(
         channels=channels,
         details={**drive.details, **details},

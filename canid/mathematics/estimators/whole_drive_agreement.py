@@ -2,9 +2,9 @@
 
 A method judges its own fit. Here alone the methods are held against each other, those of `identify` and the diagnosis:
 disjoint intervals, a response that is left over, which no method with the same form of answer has either, gains that
-only one of them knows, and changes during the drive, which hold for all. The same engine as live (agreement.py), without
-its five seconds: a whole drive has no burst to wait for. Live it is one status for an estimate; here each parameter of
-each input is judged for itself.
+only one of them knows, and changes or drifts during the drive, which hold for all. The same engine as live
+(agreement.py), without its five seconds: a whole drive has no burst to wait for. Live it is one status for an estimate;
+here each parameter of each input is judged for itself.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def _left_over(result: WholeDrive) -> str:
 
 def _drifts(made: Mapping[str, WholeDrive]) -> list[str]:
     """What methods say of dead times that drift."""
-    return [says for result in made.values() if (says := str(result.details.get("delay_drift", "")))]
+    return [result.details["delay_drift"] for result in made.values() if "delay_drift" in result.details]
 
 
 def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Iterator[tuple[str, str]]:
