@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from canid.signals.samples import reading_spans
 from canid.signals.signal_checks import delayed_rate, signal_checks
@@ -106,6 +109,31 @@ def test_the_interval_of_the_delay_holds_the_truth(seed: int) -> None:
         value, sd = delayed_rate.delay(own)
         assert sd < 0.05
         assert abs(value - (seconds - EULER)) < 4.0 * sd
+
+
+@mostly(0.9)
+def test_a_lag_of_a_tenth_of_a_second_is_found(seed: int) -> None:
+    """A filter that runs at the samples delays by 0.058 s on average, which moves dead times by 0.1 s."""
+    columns = following(seed, 10.0)
+    # by the trapezoidal rule
+    columns["gap"] = columns["gap"] + EULER * columns["range_rate"]
+    assert "range_rate_late" not in {one.name for one in findings(columns)}
+    keep = np.exp(-DT / 0.1)
+    lag = lfilter([1.0 - keep], [1.0, -keep], columns["range_rate"])
+    found = {one.name: one for one in findings({**columns, "range_rate": lag})}
+    assert found["range_rate_late"].withholds_delays
+
+
+def test_the_interval_of_a_delay_is_of_students_t() -> None:
+    """For the degrees of freedom that the clusters have; too few of them decide nothing."""
+    for clusters in (4.0, 7.0, 14.0, 41.0, 120.0):
+        state = delayed_rate.init()._replace(sums=(0.0, clusters, 0.0, 0.0, clusters))
+        for normal in (1.96, delayed_rate.SIGMAS):
+            exact = student.isf(norm.sf(normal), clusters - 1.0)
+            assert delayed_rate.interval_sigmas(state, normal) == pytest.approx(exact, rel=0.04)
+    # one manoeuvre in a drive
+    alone = delayed_rate.init()._replace(sums=(0.5, 1.0, 0.25, 0.5, 1.0))
+    assert delayed_rate.interval_sigmas(alone, 1.96) == np.inf
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.mathematics.estimators import step_watch
+from canid.mathematics.estimators import delay_drift, step_watch
+from canid.mathematics.estimators.delay_drift import DelayDrift
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification import feedback_bias, local_level
 from canid.mathematics.identification.confidence import MISS
@@ -68,6 +69,7 @@ class OverTime(NamedTuple):
     visible: float = (
         NAN  # least factor of both gains that `VISIBLE_S` would have shown; NaN: none, or not known
     )
+    drift: DelayDrift | None = None  # of the dead times; None: gains change, or the drive is too short
 
 
 class Fitting(NamedTuple):
@@ -145,13 +147,14 @@ def over_time(trace: Trace, fit: ProcessFit, how: Fitting) -> OverTime:
         of_longest = answer_columns.reference(longest)
         of_own = _blocks(trace, of_longest, how) if of_longest is not None else None
         blocks = of_own if of_own is not None else blocks
-    visible = NAN
+    visible, drift = NAN, None
     if not cuts:
+        drift = delay_drift.fit(blocks.parts, len(trace.input_names), blocks.end)
         how_sure = (step_watch.ALARM, VISIBLE_S, blocks.level)
         visible = gain_segments.visible_factor(
             blocks.parts, blocks.used, blocks.columns, at.K, at.size, *how_sure
         )
-    return OverTime(changes, segments, _constancy(trace.input_names, fit, segments, blocks), visible)
+    return OverTime(changes, segments, _constancy(trace.input_names, fit, segments, blocks), visible, drift)
 
 
 def _blocks(trace: Trace, at: answer_columns.Reference, how: Fitting) -> Blocks | None:
@@ -283,7 +286,7 @@ def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
     channels = drive.channels
     if course.changes:
         channels = {name: not_quotable(channel) for name, channel in channels.items()}
-    details = {
+    details: dict[str, Any] = {
         "changes": course.changes,
         "visible_change": {"factor": course.visible, "seconds": VISIBLE_S},
         "segments": [{"start": s.start, "stop": s.stop, "channels": s.channels} for s in course.segments],
@@ -292,6 +295,8 @@ def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
             for c in course.constancy
         ],
     }
+    if drifts := delay_drift.says(course.drift):
+        details["delay_drift"] = drifts
     return drive._replace(
         channels=channels,
         details={**drive.details, **details},

@@ -2,9 +2,9 @@
 
 A method judges its own fit. Here alone the methods are held against each other, those of `identify` and the diagnosis:
 disjoint intervals, a response that is left over, which no method with the same form of answer has either, gains that
-only one of them knows, and changes during the drive, which hold for all. The same engine as live (agreement.py), without
-its five seconds: a whole drive has no burst to wait for. Live it is one status for an estimate; here each parameter of
-each input is judged for itself.
+only one of them knows, and changes or drifts during the drive, which hold for all. The same engine as live
+(agreement.py), without its five seconds: a whole drive has no burst to wait for. Live it is one status for an estimate;
+here each parameter of each input is judged for itself.
 """
 
 from __future__ import annotations
@@ -73,6 +73,8 @@ def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive |
             for method, other in ((a, b), (b, a)):
                 for name, reason in _unconfirmed(made, method, other):
                     out[method] = _without(out[method], name, "K", reason)
+    for reason in _drifts(made):
+        out = {name: _without_delays(result, reason) for name, result in out.items()}
     return _with_changes(out)
 
 
@@ -128,6 +130,8 @@ def diagnosed(
             mine = _without(mine, channel, what, _neither(says, (DIAGNOSIS, name)))
         if result.details.get("changes") and not extended:
             mine = _without_all(mine, CHANGED)
+        for reason in _drifts({name: result}):
+            mine = _without_delays(mine, reason)
     assert mine is not None
     return dict(mine.channels), mine.lines
 
@@ -149,6 +153,11 @@ def disjoint(first: Mapping[str, Channel], other: Mapping[str, Channel]) -> list
 
 def _left_over(result: WholeDrive) -> str:
     return "" if result.residual_tests is None else plausibility.left_over(result.residual_tests)
+
+
+def _drifts(made: Mapping[str, WholeDrive]) -> list[str]:
+    """What methods say of dead times that drift."""
+    return [result.details["delay_drift"] for result in made.values() if "delay_drift" in result.details]
 
 
 def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Iterator[tuple[str, str]]:

@@ -1,7 +1,7 @@
 """Change of the gap against the integral of the range rate, over windows of five seconds (redundant measurements).
 
-The difference of two block means of the gap is the integral of the range rate under a triangle, whatever moves: no
-derivative of a noisy gap is needed. What the two differ by is compared with the noise that both show and with their own
+The difference of two block means of the gap is a weighted integral of the range rate (mean_difference.py), whatever moves:
+no derivative of a noisy gap is needed. What the two differ by is compared with the noise that both show and with their own
 movement, by the lower limit of a variance (chi-square).
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from canid.signals.signal_checks.blocks import BLOCK_S, GAP, RANGE_RATE, Block
 from canid.signals.signal_checks.check import Check, Found, unit_of
+from canid.signals.signal_checks.mean_difference import integrals
 from canid.values.state_constraints import TIME
 from canid.values.types import NAN, Array
 
@@ -57,7 +58,7 @@ class State(NamedTuple):
     """Windows, and the one that is being filled."""
 
     last_gap: float = NAN  # m, mean of the block before; NaN: nothing to go on from
-    last_fall: float = 0.0  # m, its part of the integral that reaches into the next block
+    last_rise: float = 0.0  # m, integral of its range rate with the weight that rises
     blocks: int = 0  # pairs of blocks in the window
     begin: Annotated[float, TIME] = NAN
     change: float = 0.0
@@ -79,16 +80,14 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
             state if state.last_gap != state.last_gap else state._replace(last_gap=NAN, blocks=0)
         ), state.found
     gap, rate = block.values[:, GAP], block.values[:, RANGE_RATE]
-    n, dt = len(gap), block.dt
-    rise = (np.arange(n) + 0.5) / n
-    up = float(rate @ rise) * dt
-    fall = float(rate.sum()) * dt - up
+    rise, fall = integrals(rate, block.dt)
     mean = block.mean[GAP]
     if block.joined and state.last_gap == state.last_gap:
-        state = _pair(state, block, mean - state.last_gap, state.last_fall + up, _noise(gap, rate, n, dt))
+        noise = _noise(gap, rate, len(gap), block.dt)
+        state = _pair(state, block, mean - state.last_gap, state.last_rise + fall, noise)
     else:
         state = state._replace(blocks=0)
-    return state._replace(last_gap=mean, last_fall=fall), state.found
+    return state._replace(last_gap=mean, last_rise=rise), state.found
 
 
 def _noise(gap: Array, rate: Array, n: int, dt: float) -> float:

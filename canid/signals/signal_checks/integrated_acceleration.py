@@ -1,7 +1,7 @@
 """Change of the own speed against the integral of its acceleration: regression both ways, as either is noisy.
 
-As in `gap_and_range_rate`, the difference of two block means is the integral under a triangle. A slope of the road or an
-offset of the sensor moves the acceleration slowly: means are removed.
+As in `gap_and_range_rate`, the difference of two block means is a weighted integral (mean_difference.py). A slope of the
+road or an offset of the sensor moves the acceleration slowly: means are removed.
 """
 
 from __future__ import annotations
@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from canid.signals.signal_checks.blocks import ACCEL, SPEED, Block
 from canid.signals.signal_checks.check import Check, Found, unit_of
+from canid.signals.signal_checks.mean_difference import integrals
 from canid.values.state_constraints import TIME
 from canid.values.types import NAN
 
@@ -35,7 +34,7 @@ class State(NamedTuple):
     """The latest pairs."""
 
     last_speed: float = NAN  # m/s, mean of the block before
-    last_fall: float = 0.0  # m/s
+    last_rise: float = 0.0  # m/s, integral of its acceleration with the weight that rises
     changes: tuple[float, ...] = ()  # m/s, of the speed
     integrals: tuple[float, ...] = ()  # m/s, of the acceleration
     times: tuple[Annotated[float, TIME], ...] = ()
@@ -55,21 +54,18 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
         return (
             state if state.last_speed != state.last_speed else state._replace(last_speed=NAN)
         ), state.found
-    values = block.values[:, ACCEL]
-    n = len(values)
-    up = float(values @ (np.arange(n) + 0.5)) / n * block.dt
-    fall = accel * n * block.dt - up
+    rise, fall = integrals(block.values[:, ACCEL], block.dt)
     # at standstill nothing is compared
     if block.joined and state.last_speed == state.last_speed and max(speed, state.last_speed) > 0.5:
         state = state._replace(
             changes=(*state.changes, speed - state.last_speed)[-KEPT:],
-            integrals=(*state.integrals, state.last_fall + up)[-KEPT:],
+            integrals=(*state.integrals, state.last_rise + fall)[-KEPT:],
             times=(*state.times, block.t)[-KEPT:],
             fresh=state.fresh + 1,
         )
     if state.fresh >= JUDGED_EVERY:
         state = state._replace(fresh=0, found=_judge(state))
-    return state._replace(last_speed=speed, last_fall=fall), state.found
+    return state._replace(last_speed=speed, last_rise=rise), state.found
 
 
 def _judge(state: State) -> Found | None:
