@@ -10,7 +10,7 @@ from canid.signals.samples.learning_gate import DEFAULT_RECOVERY_S
 from canid.signals.samples.smoothing import LAG_S
 from canid.signals.signal_checks.limited_values import sides
 from canid.values.findings import Flags
-from canid.values.types import NAN, LearnGate, SignalFinding, Trace
+from canid.values.types import NAN, Array, LearnGate, SignalFinding, Trace
 
 # gates behind a lead, over which `LearnGate.LIMITED` has precedence where samples are judged one by one
 _FOLLOWS = (*learning_gate.SHOWS_DEMAND, LearnGate.BRAKE)
@@ -34,14 +34,22 @@ def with_limits(trace: Trace) -> Trace:
         at = _at_limit(trace, finding, REPORTED[role], limited)
         if at is None:
             continue
-        findings = list(trace.findings)
-        findings[k] = finding._replace(withholds=False)
-        trace = _without(trace, at)._replace(findings=tuple(findings))
+        findings = tuple(
+            each._replace(withholds=False) if n == k or _is_stay(each, role, trace.t, at) else each
+            for n, each in enumerate(trace.findings)
+        )
+        trace = _without(trace, at)._replace(findings=findings)
     return trace
 
 
+def _is_stay(finding: SignalFinding, role: str, t: Array, at: Flags) -> bool:
+    """Whether a value that was called frozen has stood at the limit."""
+    stood = (t > finding.since) & (t < finding.raised)
+    return finding.name == f"{role}_frozen" and bool(at[stood].mean() > 0.5 if stood.any() else False)
+
+
 def _at_limit(trace: Trace, finding: SignalFinding, name: str, limited: tuple[bool, bool]) -> Flags | None:
-    """Samples at the limit before it was known, (n,); None: a later one is beyond it."""
+    """Samples at the limit that were taken for measured ones, (n,); None: a later one is beyond it."""
     value = trace.signals[name]
     before = trace.t <= finding.raised
     at = np.zeros(len(value), dtype=bool)
@@ -52,7 +60,8 @@ def _at_limit(trace: Trace, finding: SignalFinding, name: str, limited: tuple[bo
         limit = np.fmax.reduce(x[before], initial=-np.inf)
         if np.fmax.reduce(x, initial=-np.inf) > limit:
             return None
-        at |= before & (x == limit)
+        # later ones are not measured: they are left out already
+        at |= x == limit
     return at
 
 
