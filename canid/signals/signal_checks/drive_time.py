@@ -132,5 +132,5 @@ def too_short(time: DriveTime) -> str:
 
 def of_trace(trace: Trace) -> DriveTime:
     """Sum up a trace."""
-    follows = "lateral_offset" not in trace.input_names
+    trace, follows = with_limits(trace), "lateral_offset" not in trace.input_names
     return drive_time(trace.t, trace.gate, trace.learn, trace.findings, trace.dt, follows=follows)

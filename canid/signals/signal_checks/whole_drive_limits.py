@@ -25,6 +25,19 @@ def with_limits(trace: Trace) -> Trace:
 
     Args:
         trace: of a drive, with its findings and its gates as they were judged sample by sample.
+
+    Example:
+        >>> from canid.signals.samples.trace_assembly import trace
+        >>> from canid.values.types import Driver, Sample
+        >>> rates = [0.1, 0.5, 0.5, *[0.2] * 30]
+        >>> rows = [
+        ...     Sample(0.1 * k, 9.0, (0.0, rate), LearnGate.OPEN, True, 0, {"range_rate_reported": rate})
+        ...     for k, rate in enumerate(rates)
+        ... ]
+        >>> finding = SignalFinding("range_rate_limited_above", ("range_rate",), 0.1, 2.0, "", "", True)
+        >>> limited = with_limits(trace(rows, Driver(), 0.1)._replace(findings=(finding,)))
+        >>> [gate.name for gate in limited.gate[:4]], int(limited.learn.sum())
+        (['OPEN', 'LIMITED', 'LIMITED', 'OPEN'], 11)
     """
     trace = learning_gate.with_limits(trace)
     for k, finding in enumerate(trace.findings):
