@@ -9,9 +9,11 @@ import pytest
 
 from canid.analysis.tables.arrays import from_arrays
 from canid.models.pipeline import pipeline
+from canid.signals.samples.trace_assembly import trace as assembled
 from canid.signals.signal_checks.drive_time import behind_a_lead, fitted_trace
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.frame_columns import chunks
-from canid.values.types import LearnGate, Sample, SignalReport, Trace
+from canid.values.types import Driver, LearnGate, Sample, SignalFinding, SignalReport, Trace
 from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.samples.radar import T, frames, vehicle
@@ -95,6 +97,21 @@ def test_what_is_passed_later_is_no_limit_of_the_whole_drive(seed: int) -> None:
     assert last.raised < passed.t[-1] - 60.0
     covered = (passed.t >= max(first.since, 0.0)) & (passed.t < last.raised)
     assert not fitted_trace(passed).learn[covered].any()
+
+
+def test_a_gap_that_stands_at_its_limit_is_not_frozen() -> None:
+    """Over the whole drive: what was called frozen before the limit was known is the limit, at another value it is not."""
+    gap = np.array([40.0] * 100 + [60.0] * 100 + [50.0] * 400)
+    rows = [
+        Sample(DT * k, 20.0, (0.0, 0.0), LearnGate.OPEN, True, 0, {"gap_reported": x})
+        for k, x in enumerate(gap.tolist())
+    ]
+    limit = SignalFinding("gap_limited_above", ("gap",), 10.0, 45.0, "", "", True)
+    frozen = [
+        SignalFinding("gap_frozen", ("gap",), begin, begin + 4.0, "", "", True) for begin in (0.0, 10.0, 21.0)
+    ]
+    drive = assembled(rows, Driver(), DT)._replace(findings=(*frozen, limit))
+    assert [each.withholds for each in with_limits(drive).findings] == [True, False, True, False]
 
 
 @pytest.mark.parametrize("sides", [(True, False), (False, True), (True, True)])
