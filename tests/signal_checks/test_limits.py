@@ -9,13 +9,15 @@ import pytest
 
 from canid.analysis.tables.arrays import from_arrays
 from canid.models.pipeline import pipeline
-from canid.signals.signal_checks.drive_time import behind_a_lead
+from canid.signals.samples.trace_assembly import trace as assembled
+from canid.signals.signal_checks.drive_time import behind_a_lead, fitted_trace
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.frame_columns import chunks
-from canid.values.types import LearnGate, Sample, SignalReport, Trace
+from canid.values.types import Driver, LearnGate, Sample, SignalFinding, SignalReport, Trace
 from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.samples.radar import T, frames, vehicle
-from tests.signal_checks.synthetic import DT, Columns, following
+from tests.signal_checks.synthetic import DT, Columns, findings, following
 from tests.tables.reading import read_table
 
 CLIPPED = "reports/47-clipped-rate/clip_11.csv"
@@ -67,6 +69,63 @@ def test_without_a_limit_nothing_is_found(seed: int) -> None:
     coarse = from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **columns)
     assert coarse.findings == ()
     assert LearnGate.LIMITED not in coarse.gate
+
+
+def test_a_limit_holds_over_the_whole_drive(seed: int) -> None:
+    """What came before it was known is learned from as well, and is what it would be without a limit."""
+    columns, limited = drive(seed, -1.0, 1.0)
+    _, sound = drive(seed, -99.0, 99.0)
+    known = max(finding.raised for finding in limited.findings)
+    fitted = fitted_trace(limited)
+    at = np.isin(columns["range_rate"], (-1.0, 1.0))[np.rint(fitted.t / DT).astype(int)]
+    early = fitted.learn & (fitted.t < known)
+    assert not (early & at).any()
+    assert early.sum() > 0.25 * (fitted.t < known).sum()
+    # the noise of the radar is 0.08 m/s, and a smoothed one below it
+    error = (limited.inputs - sound.inputs)[early]
+    assert np.sqrt(np.mean(error**2, axis=0)).max() < 0.03
+    assert np.abs(error).max() < 0.25
+
+
+def test_what_is_passed_later_is_no_limit_of_the_whole_drive(seed: int) -> None:
+    """Then the finding covers all of its time, as any other does."""
+    _, limited = drive(seed, -1.0, 1.0)
+    reported = limited.signals["range_rate_reported"].copy()
+    reported[-1] = 1.5
+    passed = limited._replace(signals={**limited.signals, "range_rate_reported": reported})
+    first, last = passed.findings[0], passed.findings[-1]
+    assert last.raised < passed.t[-1] - 60.0
+    covered = (passed.t >= max(first.since, 0.0)) & (passed.t < last.raised)
+    assert not fitted_trace(passed).learn[covered].any()
+
+
+def test_a_gap_that_stands_at_its_limit_is_not_frozen() -> None:
+    """Over the whole drive: what was called frozen before the limit was known is the limit, at another value it is not."""
+    gap = np.array([40.0] * 100 + [60.0] * 100 + [50.0] * 400)
+    rows = [
+        Sample(DT * k, 20.0, (0.0, 0.0), LearnGate.OPEN, True, 0, {"gap_reported": x})
+        for k, x in enumerate(gap.tolist())
+    ]
+    limit = SignalFinding("gap_limited_above", ("gap",), 10.0, 45.0, "", "", True)
+    frozen = [
+        SignalFinding("gap_frozen", ("gap",), begin, begin + 4.0, "", "", True) for begin in (0.0, 10.0, 21.0)
+    ]
+    drive = assembled(rows, Driver(), DT)._replace(findings=(*frozen, limit))
+    assert [each.withholds for each in with_limits(drive).findings] == [True, False, True, False]
+
+
+@pytest.mark.parametrize("sides", [(True, False), (False, True), (True, True)])
+def test_a_limited_acceleration_fits_the_speed(sides: tuple[bool, bool], seed: int) -> None:
+    """It is censored at its limit, whatever share of the time: no unit and no scale is made of it, of a wrong one it is."""
+    columns = following(seed)
+    columns = {role: columns[role] for role in ROLES}
+    rng = np.random.default_rng(seed)
+    for share in rng.uniform(0.05, 0.6, 3):
+        low, high = np.quantile(columns["accel"], (share / sum(sides), 1.0 - share / sum(sides)))
+        accel = np.clip(columns["accel"], low if sides[0] else -9.0, high if sides[1] else 9.0)
+        assert findings(columns | {"accel": accel}) == ()
+    wrong = findings(columns | {"accel": accel, "speed": 3.6 * columns["speed"]})
+    assert "speed_unit" in {finding.name for finding in wrong}
 
 
 def test_chunks_do_not_matter(tmp_path: Path, seed: int) -> None:

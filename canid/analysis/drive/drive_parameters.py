@@ -23,11 +23,11 @@ from canid.mathematics.identification.armax.armax_batch import ArmaxFit
 from canid.mathematics.identification.armax.order_selection import Candidate
 from canid.mathematics.systems.drive_responses import DriveResponses, drive_responses
 from canid.mathematics.systems.identified_loop import IdentifiedLoop, identified_loop
-from canid.signals.samples.learning_gate import with_limits
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
 from canid.signals.signal_checks.output_ends import OutputEnd, reached
 from canid.signals.signal_checks.output_scale import OutputScale, output_scale
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.signals.vehicle.schema import did_you_mean
 from canid.values.presentation import Tabled
 from canid.values.types import (

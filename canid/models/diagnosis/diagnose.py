@@ -15,9 +15,9 @@ from canid.models.diagnosis.several_drives import shared_car
 from canid.models.diagnosis.several_drives.joined_drives import join
 from canid.models.effects import CATALOGUE, LANE_CATALOGUE
 from canid.models.effects.effect import Effect
-from canid.signals.samples.learning_gate import with_limits
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
 from canid.signals.signal_checks.output_ends import reached
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.findings import Report
 from canid.values.text.names import capitalised
 from canid.values.types import TASK_INPUTS, Trace

@@ -10,6 +10,7 @@ import numpy as np
 
 from canid.signals.samples import (
     lead,
+    lead_limits,
     lead_readings,
     learning_gate,
     limited_values,
@@ -180,7 +181,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     if empty:
         decoding = add_counts(decoding, empty)
     limits, within = limited_values.step(state.limits, decoded, frames.t)
-    decoded = within.decoded
+    decoded, known, marks = within.decoded, within.limits, within.marks
     following, passed = state.lead, decoded.roles
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
@@ -188,7 +189,9 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         following, followed = lead_readings.step(following, decoded, frames, settings.lead)
         passed, made = followed.passed, followed.made
         events += followed.events
-    intervals, stamped = state.stamps, list[tuple[int, ReadingFact]](within.limits)
+        if settings.lead.from_tracks:
+            limits, (made, known, marks) = lead_limits.step(limits, made, frames.t)
+    intervals, stamped = state.stamps, list[tuple[int, ReadingFact]](known)
     for role, row, _ in decoded.roles:
         if role in settings.stamped:
             intervals, spans = stamps.step(intervals, role, frames.t[row], row)
@@ -196,7 +199,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     for role, row, value in decoded.out_of_range:
         beyond = zip(row.tolist(), frames.t[row].tolist(), value.tolist(), strict=True)
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
-    readings = _by_role((*passed, *within.marks), made, frames, first)
+    readings = _by_role((*passed, *marks), made, frames, first)
     watched = state.spans
     for source, role in _sources(settings.driver):
         if source in readings:

@@ -41,8 +41,8 @@ CREEP_SPEED = 2.0
 MAX_GAP_STEP_M, MAX_RANGE_RATE = 2.0, 20.0
 
 
-# samples in a row with which a range rate stands still at the largest or smallest so far, and s after which that is a
-# frozen value: until then it may be a limit that is not known yet, and then it contradicts the gap
+# samples in a row with which a signal stands still at its largest or smallest value so far, and s after which that is a
+# frozen value: until then it may be a limit that is not known yet, and then it contradicts what it is compared with
 END_SAMPLES, MAX_AT_END_S = 3, 20.0
 
 
@@ -62,6 +62,19 @@ class Block(NamedTuple):
     limited: tuple[Limited, ...] = ()  # limits that have become known with it
 
 
+class AtEnd(NamedTuple):
+    """Whether a signal stands still at its largest or smallest value so far, where it may be limited."""
+
+    lowest: float = math.inf
+    highest: float = -math.inf
+    blocks: int = 0  # in a row in which it has
+
+    @property
+    def may_be_limited(self) -> bool:
+        """Whether it stands there, and not for so long that it is frozen."""
+        return 0.0 < self.blocks * BLOCK_S <= MAX_AT_END_S
+
+
 class State(NamedTuple):
     """Samples of the block that is being filled."""
 
@@ -73,9 +86,7 @@ class State(NamedTuple):
     out_of_range: tuple[OutOfRange, ...] = ()
     spans: tuple[ReadingSpan, ...] = ()
     limited: tuple[Limited, ...] = ()
-    lowest: float = math.inf  # m/s, smallest and largest range rate of a lead so far
-    highest: float = -math.inf
-    at_end: int = 0  # blocks in a row in which it stood still at one of them
+    rate: AtEnd = AtEnd()  # m/s, the range rate
 
 
 def init() -> State:
@@ -121,7 +132,7 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     lowest = np.minimum.reduce(values)
     mean = (np.add.reduce(values) / len(rows)).tolist()
     spread = (np.maximum.reduce(values) - lowest).tolist()
-    lowest_rate, highest_rate, at_end = _at_end(state, values)
+    rate = at_end(state.rate, values[:, RANGE_RATE])
     block = Block(
         t,
         dt,
@@ -135,14 +146,13 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
         and bool(lowest[SPEED] > CREEP_SPEED)
         and mean[RANGE_RATE] == mean[RANGE_RATE]
         and _same_lead(values[:, GAP], state.gap, dt)
-        and not 0.0 < at_end * BLOCK_S <= MAX_AT_END_S,
+        and not rate.may_be_limited,
         state.stamps,
         state.out_of_range,
         state.spans,
         state.limited,
     )
-    after = State(t, (), True, float(values[-1, GAP]), (), (), (), (), lowest_rate, highest_rate, at_end)
-    return after, block
+    return State(t, (), True, float(values[-1, GAP]), rate=rate), block
 
 
 def _values(rows: tuple[Mapping[str, float], ...]) -> Array:
@@ -157,18 +167,25 @@ def _values(rows: tuple[Mapping[str, float], ...]) -> Array:
     return values
 
 
-def _at_end(state: State, values: Array) -> tuple[float, float, int]:
-    """Smallest and largest range rate so far, and for how many blocks in a row it has stood still at one of them."""
-    rate = values[:, RANGE_RATE]
+def at_end(before: AtEnd, values: Array) -> AtEnd:
+    """Take the (n,) samples of a block.
+
+    Example:
+        >>> at_end(AtEnd(-1.0, 1.0), np.array([0.6, 1.2, 1.2, 1.2, 0.4])).may_be_limited
+        True
+    """
     lowest, highest = (
         float(end)
-        for end in (np.fmin.reduce(rate, initial=state.lowest), np.fmax.reduce(rate, initial=state.highest))
+        for end in (
+            np.fmin.reduce(values, initial=before.lowest),
+            np.fmax.reduce(values, initial=before.highest),
+        )
     )
-    # 0 is where a relative motion rests
-    ends = ((rate == lowest) | (rate == highest)) & (rate != 0.0) & (lowest < highest)
-    same = (rate[1:] == rate[:-1]) & ends[1:]
+    # 0 is where a motion rests
+    ends = ((values == lowest) | (values == highest)) & (values != 0.0) & (lowest < highest)
+    same = (values[1:] == values[:-1]) & ends[1:]
     stands = int(np.count_nonzero(same)) >= END_SAMPLES - 1
-    return lowest, highest, state.at_end + 1 if stands else 0
+    return AtEnd(lowest, highest, before.blocks + 1 if stands else 0)
 
 
 def _same_lead(gap: Array, before: float, dt: float) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.mathematics.estimators import output_stamps, speed_difference
-from canid.signals.samples import learning_gate
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.types import Array, DriveTime, LearnGate, SignalFinding, Trace
 
 # s; the estimators start with a batch of 15 s, of which 5 s may be what came before and behind the samples: less decides
@@ -75,7 +75,7 @@ def fitted_trace(trace: Trace) -> Trace:
     Args:
         trace: of the drive, with its findings.
     """
-    trace = learning_gate.with_limits(trace)
+    trace = with_limits(trace)
     used = usable(trace)
     if trace.findings and not used.all():
         bound = trace.bound
@@ -132,5 +132,5 @@ def too_short(time: DriveTime) -> str:
 
 def of_trace(trace: Trace) -> DriveTime:
     """Sum up a trace."""
-    follows = "lateral_offset" not in trace.input_names
+    trace, follows = with_limits(trace), "lateral_offset" not in trace.input_names
     return drive_time(trace.t, trace.gate, trace.learn, trace.findings, trace.dt, follows=follows)

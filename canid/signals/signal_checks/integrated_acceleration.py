@@ -1,7 +1,8 @@
 """Change of the own speed against the integral of its acceleration: regression both ways, as either is noisy.
 
 As in `gap_and_range_rate`, the difference of two block means is a weighted integral (mean_difference.py). A slope of the
-road or an offset of the sensor moves the acceleration slowly: means are removed.
+road or an offset of the sensor moves the acceleration slowly: means are removed. While the acceleration stands at its
+largest or smallest value so far it may be limited, and the speed changes by more: such seconds are not compared.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from canid.signals.signal_checks.blocks import ACCEL, SPEED, Block
+from canid.signals.signal_checks.blocks import ACCEL, SPEED, AtEnd, Block, at_end
 from canid.signals.signal_checks.check import Check, Found, unit_of
 from canid.signals.signal_checks.mean_difference import integrals
 from canid.values.state_constraints import TIME
@@ -38,6 +39,7 @@ class State(NamedTuple):
     changes: tuple[float, ...] = ()  # m/s, of the speed
     integrals: tuple[float, ...] = ()  # m/s, of the acceleration
     times: tuple[Annotated[float, TIME], ...] = ()
+    ends: AtEnd = AtEnd()  # m/s², the acceleration
     fresh: int = 0  # pairs since the last judgement
     found: Found | None = None
 
@@ -54,9 +56,13 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
         return (
             state if state.last_speed != state.last_speed else state._replace(last_speed=NAN)
         ), state.found
-    rise, fall = integrals(block.values[:, ACCEL], block.dt)
+    values = block.values[:, ACCEL]
+    rise, fall = integrals(values, block.dt)
+    ends = at_end(state.ends, values)
+    limited = ends.may_be_limited or state.ends.may_be_limited
     # at standstill nothing is compared
-    if block.joined and state.last_speed == state.last_speed and max(speed, state.last_speed) > 0.5:
+    compared = block.joined and state.last_speed == state.last_speed and not limited
+    if compared and max(speed, state.last_speed) > 0.5:
         state = state._replace(
             changes=(*state.changes, speed - state.last_speed)[-KEPT:],
             integrals=(*state.integrals, state.last_rise + fall)[-KEPT:],
@@ -65,7 +71,7 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
         )
     if state.fresh >= JUDGED_EVERY:
         state = state._replace(fresh=0, found=_judge(state))
-    return state._replace(last_speed=speed, last_rise=rise), state.found
+    return state._replace(last_speed=speed, last_rise=rise, ends=ends), state.found
 
 
 def _judge(state: State) -> Found | None:

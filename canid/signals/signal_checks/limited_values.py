@@ -12,6 +12,7 @@ from typing import NamedTuple
 from canid.signals.signal_checks.blocks import Block
 from canid.signals.signal_checks.check import Check, Found
 from canid.values.roles import ROLES
+from canid.values.types import SignalFinding
 
 
 class State(NamedTuple):
@@ -45,6 +46,17 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     says = f"{role} is limited at {where} {ROLES[role].unit}"
     remedy = "it says nothing there: what it has at its limit is left out; log it with a wider range"
     return state, Found(f"{role}_limited{name}", (role,), max(block.t - age, 0.0), says, remedy)
+
+
+def sides(finding: SignalFinding) -> tuple[str, tuple[bool, bool]]:
+    """Role that a finding calls limited, and whether below and above; "": another kind of finding.
+
+    Example:
+        >>> sides(SignalFinding("gap_limited_above", ("gap",), 3.0, 90.0, "", "", True))
+        ('gap', (False, True))
+    """
+    role, limited, side = finding.name.partition("_limited")
+    return (role if limited else "", (side != "_above", side != "_below"))
 
 
 CHECK = Check("limited_values", init, step)

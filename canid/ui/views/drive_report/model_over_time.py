@@ -6,6 +6,7 @@ import numpy as np
 
 from canid.analysis.drive.drive_series import DriveSeries
 from canid.signals.signal_checks.drive_time import trusted, usable
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.ui.views.drawing.figure import Figure, Spec, rms
 from canid.ui.views.drawing.panels import Panel, shade, signal, stack, titled
 from canid.values.text.names import readable
@@ -75,6 +76,7 @@ def model_over_time(
 
 def unused(trace: Trace) -> list[Spec]:
     """Stretches that are not used for identification, and those in which a signal is wrong, behind the lines."""
+    trace = with_limits(trace)
     sound = trusted(trace.t, trace.findings)
     return [
         *shade(trace.t, ~usable(trace) & sound, trace.dt, "not used", "shade-unused"),

@@ -6,6 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from canid.signals.signal_checks.drive_time import of_trace, usable
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.ui.views import signal_text
 from canid.ui.views.document.document import Block, Listing, Table
 from canid.ui.views.document.document_text import lines
@@ -41,7 +42,7 @@ def trace_html(trace: Trace) -> Markup:
 
 def trace_charts(trace: Trace) -> Markup:
     """Output and inputs over time, small."""
-    unused = [(float(trace.t[a]), float(trace.t[b - 1])) for a, b in runs(~usable(trace))]
+    unused = [(float(trace.t[a]), float(trace.t[b - 1])) for a, b in runs(~usable(with_limits(trace)))]
     drawn = [charted([("output", ACCENT)], chart(trace.t, [("output", trace.output, ACCENT)], shaded=unused))]
     for k, name in enumerate(trace.input_names[:SHOWN_INPUTS]):
         curve = chart(trace.t, [(readable(name), trace.inputs[:, k], SECOND)], INPUT_HEIGHT, unused)

@@ -1,0 +1,90 @@
+"""Limits of output and inputs over a whole drive: closed gates from its first sample on, not from when they were known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from canid.signals.samples import learning_gate
+from canid.signals.samples.lead import REPORTED
+from canid.signals.samples.learning_gate import DEFAULT_RECOVERY_S
+from canid.signals.samples.smoothing import LAG_S
+from canid.signals.signal_checks.limited_values import sides
+from canid.values.findings import Flags
+from canid.values.types import NAN, Array, LearnGate, SignalFinding, Trace
+
+# gates behind a lead, over which `LearnGate.LIMITED` has precedence where samples are judged one by one
+_FOLLOWS = (*learning_gate.SHOWS_DEMAND, LearnGate.BRAKE)
+
+
+def with_limits(trace: Trace) -> Trace:
+    """Leave out what a limit hides, and no more.
+
+    Until a limit of an input was known its readings were taken for measured ones, and a finding covers all that time. Over
+    the whole drive they are left out as they are afterwards; the rest of the time is sound, and the finding withholds it
+    no more.
+
+    Args:
+        trace: of a drive, with its findings and its gates as they were judged sample by sample.
+
+    Example:
+        >>> from canid.signals.samples.trace_assembly import trace
+        >>> from canid.values.types import Driver, Sample
+        >>> rates = [0.1, 0.5, 0.5, *[0.2] * 30]
+        >>> rows = [
+        ...     Sample(0.1 * k, 9.0, (0.0, rate), LearnGate.OPEN, True, 0, {"range_rate_reported": rate})
+        ...     for k, rate in enumerate(rates)
+        ... ]
+        >>> finding = SignalFinding("range_rate_limited_above", ("range_rate",), 0.1, 2.0, "", "", True)
+        >>> limited = with_limits(trace(rows, Driver(), 0.1)._replace(findings=(finding,)))
+        >>> [gate.name for gate in limited.gate[:4]], int(limited.learn.sum())
+        (['OPEN', 'LIMITED', 'LIMITED', 'OPEN'], 11)
+    """
+    trace = learning_gate.with_limits(trace)
+    for k, finding in enumerate(trace.findings):
+        role, limited = sides(finding)
+        if not finding.withholds or REPORTED.get(role) not in trace.signals:
+            continue
+        at = _at_limit(trace, finding, REPORTED[role], limited)
+        if at is None:
+            continue
+        findings = tuple(
+            each._replace(withholds=False) if n == k or _is_stay(each, role, trace.t, at) else each
+            for n, each in enumerate(trace.findings)
+        )
+        trace = _without(trace, at)._replace(findings=findings)
+    return trace
+
+
+def _is_stay(finding: SignalFinding, role: str, t: Array, at: Flags) -> bool:
+    """Whether a value that was called frozen has stood at the limit."""
+    stood = (t > finding.since) & (t < finding.raised)
+    return finding.name == f"{role}_frozen" and bool(at[stood].mean() > 0.5 if stood.any() else False)
+
+
+def _at_limit(trace: Trace, finding: SignalFinding, name: str, limited: tuple[bool, bool]) -> Flags | None:
+    """Samples at the limit that were taken for measured ones, (n,); None: a later one is beyond it."""
+    value = trace.signals[name]
+    before = trace.t <= finding.raised
+    at = np.zeros(len(value), dtype=bool)
+    for sign, is_limited in zip((-1.0, 1.0), limited, strict=True):
+        if not is_limited:
+            continue
+        x = sign * value
+        limit = np.fmax.reduce(x[before], initial=-np.inf)
+        if np.fmax.reduce(x, initial=-np.inf) > limit:
+            return None
+        # later ones are not measured: they are left out already
+        at |= x == limit
+    return at
+
+
+def _without(trace: Trace, at: Flags) -> Trace:
+    """Close the gate at the limit; what has been smoothed with it before, and what follows from it, teaches nothing."""
+    ahead, behind = (round(seconds / trace.dt) for seconds in (LAG_S, DEFAULT_RECOVERY_S))
+    touched = np.convolve(at, np.ones(ahead + behind), "full")[ahead:][: len(at)] > 0.5
+    gate = tuple(
+        LearnGate.LIMITED if here and each in _FOLLOWS else each
+        for here, each in zip(at.tolist(), trace.gate, strict=True)
+    )
+    bound = None if trace.bound is None else np.where(touched, NAN, trace.bound)
+    return trace._replace(gate=gate, learn=trace.learn & ~touched, bound=bound)
