@@ -2,10 +2,9 @@
 
 What is rounded stands still and jumps, later than it moves. In steps of 0.5 m/s, with 0.8 m/s of movement, tau came out
 0.1 to 0.2 s too long on 10 of 12 drives of 8 min, and with a gap in steps of 1 m as well K of headway error up to six times
-too large. In steps of 0.25 m/s with noise of 0.05 m/s tau came out 0.03 s longer and theta as much shorter, twice what
-white noise of that power does, on 8 drives of 10 min: of 14 delays 8 intervals held, and 10 without steps
-(`python -m benchmarks sensor_effects`). What noise leaves of the mean error of rounding is exp(-2 pi² sd²/step²)
-(Widrow & Kollar 2008, ch. 19).
+too large. In steps of 0.25 m/s with noise of 0.05 m/s tau came out 0.03 s longer and theta as much shorter, on 8 drives of
+10 min: of 14 delays 8 intervals held, and 10 without steps (`python -m benchmarks sensor_effects`). Of the error of rounding
+exp(-2 pi² sd²/step²) is left in the mean over noise of that standard deviation (Widrow & Kollar 2008).
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from canid.values.types import NAN
 MAX_STEP_SHARE = 0.5
 # 1/s; noise of a fifth of a step makes a 10 Hz radar change its value more often
 MAX_CHANGES_HZ = 2.0
-# the same for delays alone. Noise of a quarter of a step leaves 0.29 of the error, and changes the value 1.13 sd/step times a
-# reading, which is 2.8/s of a 10 Hz radar; steps of a fifth of the movement are 6 % of it
+# the same for delays alone: noise of a quarter of a step leaves 0.29 of the error, and changes the value of a 10 Hz radar
+# 1.13 · 10 / 4 times a second; the error of steps of a fifth of the movement is 6 % of it
 MAX_DELAYS_STEP_SHARE, MAX_DELAYS_CHANGES_HZ = 0.2, 2.8
 # spans over which the movement is averaged, and needed
 MEMORY_SPANS, NEEDED_SPANS = 30, 6

@@ -57,11 +57,7 @@ def step(
             continue
         touched = bool(watched & set(now.roles))
         worse = touched and not now.delays_only
-        if (
-            before is not None
-            and before.finding.name == now.name
-            and before.finding.withholds >= worse
-        ):
+        if before is not None and before.finding.name == now.name and before.finding.withholds >= worse:
             # its sentence stays as it was first said: what is shown live and afterwards is the same
             after[check] = before._replace(last=t)
             continue
