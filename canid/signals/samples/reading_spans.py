@@ -199,11 +199,12 @@ def _joined(t: Array, value: Array, resolution: float) -> float:
         return 0.0
     if length.max() > MIN_RUN or np.sort(np.diff(first))[1] <= MIN_RUN:
         irregular = (
-            np.mean(~bent) >= STRAIGHT_SHARE
+            # level ones are a value that is held, or coarse
+            np.mean(~bent & (slope[1:] != 0.0)) >= STRAIGHT_SHARE
             and np.median(bend[bent]) >= SURELY_BENT * limit
             and length[length <= MAX_KNOT_RUN].sum() >= KNOTS_SHARE * length.sum()
         )
-        return usual_interval(np.diff(t[np.flatnonzero(bent)])) if irregular else 0.0
+        return usual_interval(np.diff(t[first])) if irregular else 0.0
     period = float(np.quantile(np.diff(t[first]), USUAL_QUANTILE))
     # where rounding hides how straight the lines are, their knots are at one phase of a clock
     return (
