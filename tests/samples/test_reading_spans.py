@@ -124,13 +124,13 @@ def test_lost_readings_make_no_holds_and_no_lines(step: float, lost: float, seed
     assert {span.kind for span in spans(t, signal(seed, step, t))} == {"points"}
 
 
-@mostly(0.9)
 def test_a_coarse_value_that_stands_still_is_neither_held_nor_a_line(seed: int) -> None:
     """A pedal in steps of 1/256, as percent of two decimals: steps of 0.39 and 0.40 are on no lattice."""
     rng = np.random.default_rng(seed)
-    t = 0.1 * np.arange(round(SECONDS / 0.1))
-    steps = 30 + np.cumsum(rng.choice([-1, 0, 1], len(t), p=[0.18, 0.64, 0.18]))
-    assert {span.kind for span in spans(t, np.round(steps * 100.0 / 256.0, 2))} == {"points"}
+    t = 0.1 * np.arange(round(20.0 * SECONDS / 0.1))
+    steps = np.cumsum(rng.choice([-1, 0, 1], len(t), p=[0.13, 0.74, 0.13]))
+    kinds = [span.kind for span in spans(t, np.round(steps * 100.0 / 256.0, 2))]
+    assert kinds.count("points") >= 0.97 * len(kinds)
 
 
 def test_a_constant_shows_no_update() -> None:
