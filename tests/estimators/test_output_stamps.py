@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.mathematics.estimators.output_stamps import at_own_stamps, says, stamps
-from canid.values.types import Array, LearnGate, Trace
+from canid.mathematics.estimators.output_stamps import at_own_stamps, says, stamps, standing
+from canid.values.types import Array, LearnGate, SignalFinding, Trace
 
 
 def trace(output: Array) -> Trace:
@@ -35,6 +35,16 @@ def test_the_own_readings_are_found(between: str, first: int, decimals: int, see
     assert thin.dt == 0.2
     assert np.array_equal(thin.output[used], readings[k[first::2] // 2][usable[first::2]])
     assert between[:4] in says(trace(joined)).replace("held", "hold")
+
+
+def test_a_slow_output_is_no_finding_where_its_own_readings_are_fitted(seed: int) -> None:
+    """At every second sample; at every third it stays, as any other finding does."""
+    slow, late = (SignalFinding(name, ("pedal",), 0.0, 60.0, "", "", False, withholds_delays=True)
+                  for name in ("output_slow", "accel_late"))  # fmt: skip
+    readings = np.random.default_rng(seed).standard_normal(500)
+    for every, expected in ((2, (late,)), (3, (slow, late))):
+        output = np.interp(np.arange(900), every * np.arange(500), readings)
+        assert standing(trace(output)._replace(findings=(slow, late))) == expected
 
 
 @pytest.mark.parametrize("step", [0.0, 0.4, 2.0])

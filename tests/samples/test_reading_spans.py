@@ -82,6 +82,57 @@ def test_a_signal_of_its_message_is_no_slower(hz: float, step: float, seed: int)
         assert span.update == pytest.approx(1.0 / hz)
 
 
+@pytest.mark.parametrize("lost", [0.05, 0.2, 0.5])
+def test_lost_readings_count_by_how_long_lines_stand_in(lost: float, seed: int) -> None:
+    """The mean of d² over time, the sum of d³ over that of d, of geometric intervals that are joined: up to 0.5 s."""
+    rng = np.random.default_rng(seed)
+    t = np.flatnonzero(rng.random(20_000) >= lost) * 0.1
+    updates = [span.update for span in spans(t, rng.standard_normal(len(t)))]
+    d = np.arange(1, 6)
+    chance = lost ** (d - 1.0)
+    expected = 0.1 * np.sqrt(np.sum(chance * d**3) / np.sum(chance * d))
+    assert np.mean(updates) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("between", "period", "lost"),
+    [("hold", 0.2, 0.1), ("hold", 0.2, 0.3), ("line", 0.245, 0.0), ("line", 0.245, 0.1), ("line", 0.3, 0.1),
+     ("line", 0.3, 0.3)],
+)  # fmt: skip
+@mostly(0.9)
+def test_a_slow_update_is_found_where_readings_were_lost(
+    between: str, period: float, lost: float, seed: int
+) -> None:
+    """Values held for two readings, and lines whose knots are two or three readings apart, of a table of 10 Hz."""
+    rng = np.random.default_rng(seed)
+    t = np.round(0.1 * np.arange(round(SECONDS / 0.1)), 4)
+    own = np.unique(np.searchsorted(t, np.arange(0.013, SECONDS - period, period)))
+    value = signal(seed, 1e-4, t[own])
+    joined = np.interp(t, t[own], value)
+    held = value[np.maximum(np.searchsorted(own, np.arange(len(t)), side="right") - 1, 0)]
+    kept = rng.random(len(t)) >= lost
+    shown = spans(t[kept], np.round(joined if between == "line" else held, 4)[kept])
+    right = [span.kind == between and span.update > 0.75 * period for span in shown]
+    assert sum(right) >= 0.6 * len(shown), shown
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.1, 0.5])
+@pytest.mark.parametrize("lost", [0.1, 0.3])
+def test_lost_readings_make_no_holds_and_no_lines(step: float, lost: float, seed: int) -> None:
+    """Of a signal of its message, fine and coarse."""
+    t = np.flatnonzero(np.random.default_rng(seed).random(600) >= lost) * 0.1
+    assert {span.kind for span in spans(t, signal(seed, step, t))} == {"points"}
+
+
+def test_a_coarse_value_that_stands_still_is_neither_held_nor_a_line(seed: int) -> None:
+    """A pedal in steps of 1/256, as percent of two decimals: steps of 0.39 and 0.40 are on no lattice."""
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(round(20.0 * SECONDS / 0.1))
+    steps = np.cumsum(rng.choice([-1, 0, 1], len(t), p=[0.13, 0.74, 0.13]))
+    kinds = [span.kind for span in spans(t, np.round(steps * 100.0 / 256.0, 2))]
+    assert kinds.count("points") >= 0.97 * len(kinds)
+
+
 def test_a_constant_shows_no_update() -> None:
     """A value that stands still says nothing about its rate."""
     t = np.arange(0.0, SECONDS, 0.1)

@@ -31,12 +31,13 @@ OWN = frozenset(
 EULER = 0.5 * DT
 
 
-def with_spans(columns: Columns) -> tuple[SignalFinding, ...]:
-    """Run the checks along a drive, with what its readings show of their rate."""
+def with_spans(columns: Columns, lost: Array | None = None) -> tuple[SignalFinding, ...]:
+    """Run the checks along a drive, with what its readings show of their rate; of `lost` samples there are none."""
     t = DT * np.arange(len(columns["gap"]))
+    rows = np.arange(len(t)) if lost is None else np.flatnonzero(~lost)
     came = []
     for role in ("pedal", "speed", "gap", "range_rate"):
-        _, over = reading_spans.step(reading_spans.init(), role, t, columns[role], np.arange(len(t)))
+        _, over = reading_spans.step(reading_spans.init(), role, t[rows], columns[role][rows], rows)
         came += [(row, span) for row, span in over]
     came.sort(key=lambda item: item[0])
     state, reports = signal_checks.init(), []
@@ -148,6 +149,52 @@ def test_what_is_joined_by_lines_is_named(role: str, name: str, delays: bool, se
     assert role.replace("_", " ") in one.says
     assert "2 Hz, joined by lines" in one.says
     assert (one.withholds, one.withholds_delays) == (not delays, delays)
+
+
+@pytest.mark.parametrize("kind", ["line", "hold"])
+@mostly(0.9)
+def test_an_output_of_every_second_sample_leaves_the_gains(kind: str, seed: int) -> None:
+    """Windows do not leave out the samples between its readings, as the fit of the whole drive does."""
+    between = joined(2) if kind == "line" else lambda x: np.repeat(x[::2], 2)[: len(x)]
+    found = {one.name: one for one in with_spans(changed("pedal", between)(following(seed)))}
+    assert set(found) & OWN == {"output_slow"}
+    assert found["output_slow"].withholds_delays
+    assert "5 Hz" in found["output_slow"].says
+
+
+@pytest.mark.parametrize(("lost", "named"), [(0.05, False), (0.25, True), (0.4, True)])
+@mostly(0.9)
+def test_lost_rows_leave_the_gains(lost: float, named: bool, seed: int) -> None:
+    """Most intervals are those of a full rate, and the usual instant lies in a longer one."""
+    columns = following(seed)
+    gone = np.random.default_rng([seed, 2]).random(len(columns["gap"])) < lost
+    found = [one for one in with_spans(columns, gone) if one.name in OWN]
+    assert {one.name for one in found} == ({"input_slow", "output_slow"} if named else set())
+    assert all(one.withholds_delays and not one.withholds for one in found), found
+
+
+@mostly(0.9)
+def test_steps_that_some_noise_averages_over_leave_the_gains(seed: int) -> None:
+    """Steps of 0.3 of the movement: noise of a sixth of a step averages too little, and half a step enough."""
+    columns = following(seed, 5.0)
+    smoothed = lagged(columns["range_rate"], 0.3)
+    size = 0.3 * float(np.std(smoothed))
+    white = np.random.default_rng([seed, 3]).standard_normal(len(smoothed))
+    for share, expected in ((1 / 6, [(False, True)]), (1 / 2, [])):
+        noisy = smoothed + share * size * white
+        given = changed("range_rate", lambda _, noisy=noisy, size=size: stepped(size)(noisy))(columns)
+        named = [one for one in with_spans(given) if one.name == "range_rate_coarse"]
+        assert [(one.withholds, one.withholds_delays) for one in named] == expected, share
+
+
+def test_a_finding_that_gets_worse_withholds_more(seed: int) -> None:
+    """An input at 4 Hz leaves the gains; from when it comes at 2 Hz nothing is left."""
+    columns = following(seed)
+    role, half = columns["gap"], len(columns["gap"]) // 2
+    slower = np.where(np.arange(len(role)) < half, np.repeat(role[::2], 2)[: len(role)], joined(5)(role))
+    found = [one for one in with_spans({**columns, "gap": slower}) if one.name == "input_slow"]
+    assert [(one.withholds, one.withholds_delays) for one in found] == [(False, True), (True, False)]
+    assert found[0].until == found[1].raised
 
 
 @mostly(0.9)

@@ -10,8 +10,8 @@ from scipy.stats import binom
 
 from tests import seeds
 from tests.plants.outside_drives import SIMULATORS, drawn_drive
-from tests.plants.quoted_intervals import identified, quoted, tried
-from tests.plants.sensor_effects import EFFECTS, OUTPUT, Effect, hold, limit, wrap
+from tests.plants.quoted_intervals import identified, quoted, trace, tried
+from tests.plants.sensor_effects import EFFECTS, OUTPUT, Effect, drop, hold, limit, wrap
 
 # drawn combinations of a run: some 3 s each, of which a slow test may take half a minute
 COMBINATIONS = 10
@@ -51,6 +51,16 @@ def test_the_simulators_agree_with_what_is_quoted_of_them(simulator: str, seed: 
     found = quoted(identified(drive), drive.truth)
     assert {"K"} <= {each.parameter for each in found}
     assert all(each.covers for each in found), [*map(str, found)]
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.05, set()), (0.35, {"input_slow", "output_slow"})])
+@seeds.mostly(0.9)
+def test_lost_rows_of_a_table_leave_the_gains(share: float, named: set[str], seed: int) -> None:
+    """One in twenty leaves everything; one in three withholds the delays, and no gain by the rate of any signal."""
+    drive = drop(drawn_drive("Helly", seed, seconds=100.0), share, np.random.default_rng(seed))
+    found = [one for one in trace(drive).findings if one.name in ("input_slow", "output_slow")]
+    assert {one.name for one in found} == named
+    assert all(one.withholds_delays and not one.withholds for one in found), found
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)

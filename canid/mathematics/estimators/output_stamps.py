@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from canid.mathematics.estimators.speed_difference import MIN_ROWS, thinned
 from canid.mathematics.identification.rounding import lattice_step
-from canid.values.types import Array, Trace
+from canid.values.types import Array, SignalFinding, Trace
 
 Flags = npt.NDArray[np.bool_]
 
@@ -21,6 +21,8 @@ Flags = npt.NDArray[np.bool_]
 EVERY = 2
 # of the samples between readings, that must be where a line or the last reading is; and at most of the others
 BETWEEN_SHARE, OWN_SHARE = 0.95, 0.6
+# finding of an output that is slower than the samples (signals/signal_checks/slow_signals.py)
+SLOW = "output_slow"
 # of the largest value, what floats make of a line, and of times that differ by less than a nanosecond
 FLOAT_ROUNDING = 1e-9
 
@@ -76,6 +78,17 @@ def at_own_stamps(trace: Trace, usable: Flags) -> tuple[Trace, Flags]:
     if slower is None:
         return trace, usable
     return thinned(trace, EVERY, slower.first), usable[slower.first :: EVERY]
+
+
+def standing(trace: Trace) -> tuple[SignalFinding, ...]:
+    """Findings on a drive's signals but that of a slow output whose own readings alone are fitted.
+
+    Args:
+        trace: of a drive, as it was read.
+    """
+    if stamps(trace.output, trace.learn) is None:
+        return trace.findings
+    return tuple(finding for finding in trace.findings if finding.name != SLOW)
 
 
 def says(trace: Trace) -> str:

@@ -29,7 +29,8 @@ def estimates(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> dict[
         settings: by the estimators' names; those of one that is missing are its defaults.
     """
     whole = held_pedal.with_waits(_whole(fitted, trace, settings), trace)
-    return whole_drive_agreement.without_delays(whole_drive_agreement.arbitrated(whole), trace.findings)
+    stand = output_stamps.standing(trace)
+    return whole_drive_agreement.without_delays(whole_drive_agreement.arbitrated(whole), stand)
 
 
 def _whole(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> dict[str, WholeDrive | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from canid.mathematics.estimators import pooled_drives, whole_drive, whole_drive_agreement
+from canid.mathematics.estimators import output_stamps, pooled_drives, whole_drive, whole_drive_agreement
 from canid.mathematics.identification.identifiability import quotable
 from canid.models.diagnosis import car_following, corrections
 from canid.models.diagnosis.corrections import Settings, Several, TooLittleError
@@ -80,7 +80,7 @@ def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str
     ]
     whole = every[0] if len(every) == 1 else pooled_drives.pooled(every)
     has_cause = any(finding.where == "driver" for finding in report.findings)
-    findings = [finding for trace in traces for finding in trace.findings]
+    findings = [finding for trace in traces for finding in output_stamps.standing(trace)]
     left, says = whole_drive_agreement.diagnosed(channels, whole, extended=has_cause, findings=findings)
     # without causes the last model is the baseline
     baseline = report.baseline if has_cause else report.baseline._replace(channels=left)

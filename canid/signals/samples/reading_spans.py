@@ -34,6 +34,16 @@ BENT = 3.0
 USUAL_QUANTILE = 0.25
 # of the largest value; what floats make of a straight line
 FLOAT_ROUNDING = 1e-6
+# s, and of the median interval: nothing is joined or held over a longer one (`Role.stale`, sampling_grid.py), it is a pause
+MAX_JOINED_S, PAUSE_FACTOR = 0.5, 3.0
+# of the values, that stand for two readings or more where some readings of held ones were lost (half of them, of values
+# held for two: 1 of 3); jumps of `JUMP_SHARE` are those of noise of 3 steps and more, whose values repeat by chance 1 in 10
+HELD_SHARE = 0.25
+# Lines whose knots are not regular, as where readings were lost: of the readings, that are straight (1 of 2 less what is
+# lost next to them); times the limit of what is straight, by which the others bend (of Gaussian noise that bends so much 1
+# in 9 readings is straight by chance); of these, how many are in runs as short as a lost knot makes (not so in a lively
+# stretch between calm ones, nor in noise)
+STRAIGHT_SHARE, SURELY_BENT, MAX_KNOT_RUN, KNOTS_SHARE = 0.3, 5.0, 4, 0.8
 
 
 class ReadingSpan(NamedTuple):
@@ -41,7 +51,7 @@ class ReadingSpan(NamedTuple):
 
     role: str
     t: float  # s, of the reading behind them
-    update: float  # s, median between new values; NaN: the span does not show it
+    update: float  # s, between new values, see `usual_interval`; NaN: the span does not show it
     kind: str  # what stands between new values: "points" nothing, "hold" the last one, "line" a straight line
     step: float  # of the lattice of the values, between two values their difference; 0: none
     changes: float  # 1/s, how often the value changes
@@ -109,7 +119,7 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     t, value = t[known], value[known]
     if len(t) < MIN_READINGS:
         return None
-    interval = float(np.median(np.diff(t)))
+    interval = usual_interval(np.diff(t))
     resolution = lattice_step(value)
     changed = np.flatnonzero(np.diff(value)) + 1
     changes = len(changed) / float(t[-1] - t[0])
@@ -124,17 +134,38 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     return ReadingSpan(role, at, update, kind, step, changes)
 
 
+def usual_interval(intervals: Array) -> float:
+    """Root mean square of the interval that an instant lies in, without pauses, s.
+
+    Between readings `d` apart a line is a mean over both of them, of variance d²/6 s² on average over its instants. So what
+    counts is the mean of d² over time, the sum of d³ over that of d, and not the interval of most readings: where half of
+    the readings of 10 Hz were lost, half of the intervals are 0.1 s, and lines are as long as those of 2.8 Hz.
+
+    Args:
+        intervals: (n,) s, between new values.
+
+    Example:
+        >>> lost = np.random.default_rng(1).geometric(0.5, 10_000)
+        >>> round(usual_interval(np.full(9, 0.2)), 2), round(usual_interval(0.1 * lost), 2)
+        (0.2, 0.33)
+    """
+    joined = intervals[intervals <= max(MAX_JOINED_S, PAUSE_FACTOR * float(np.median(intervals)))]
+    return float(np.sqrt((joined**3).sum() / joined.sum()))
+
+
 def _held(t: Array, value: Array, changed: npt.NDArray[np.int64]) -> float:
     """Seconds for which values are held before they jump; 0: they are not."""
     if len(changed) < MIN_HELD:
         return 0.0
     runs = np.sort(np.diff(changed))
+    jumps = np.abs(value[changed] - value[changed - 1])
+    jumping = bool(np.mean(jumps > JUMP_FACTOR * jumps.min()) >= JUMP_SHARE)
     # of the shortest runs one may be a reading that was late
     if runs[1] < MIN_RUN:
-        return 0.0
-    jumps = np.abs(value[changed] - value[changed - 1])
+        lost = jumping and np.mean(runs >= MIN_RUN) >= HELD_SHARE
+        return usual_interval(np.diff(t[changed])) if lost else 0.0
     period = float(np.quantile(np.diff(t[changed]), USUAL_QUANTILE))
-    if np.mean(jumps > JUMP_FACTOR * jumps.min()) >= JUMP_SHARE:
+    if jumping:
         return period
     # coarse values go to the next one, too, but only those that are held do so at one phase of a clock
     return period if _coherent(t[changed], period, MIN_CHANGES) else 0.0
@@ -164,8 +195,16 @@ def _joined(t: Array, value: Array, resolution: float) -> float:
     first = np.flatnonzero(np.diff(bent.astype(int), prepend=0) == 1)
     length = np.bincount(np.cumsum(np.diff(bent.astype(int), prepend=0) == 1)[bent])[1:]
     # a knot between two readings bends at both
-    if len(first) < MIN_KNOTS or length.max() > MIN_RUN or np.sort(np.diff(first))[1] <= MIN_RUN:
+    if len(first) < MIN_KNOTS:
         return 0.0
+    if length.max() > MIN_RUN or np.sort(np.diff(first))[1] <= MIN_RUN:
+        irregular = (
+            # level ones are a value that is held, or coarse
+            np.mean(~bent & (slope[1:] != 0.0)) >= STRAIGHT_SHARE
+            and np.median(bend[bent]) >= SURELY_BENT * limit
+            and length[length <= MAX_KNOT_RUN].sum() >= KNOTS_SHARE * length.sum()
+        )
+        return usual_interval(np.diff(t[first])) if irregular else 0.0
     period = float(np.quantile(np.diff(t[first]), USUAL_QUANTILE))
     # where rounding hides how straight the lines are, their knots are at one phase of a clock
     return (

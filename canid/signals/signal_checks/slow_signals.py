@@ -1,9 +1,10 @@
 """Signals whose values are updated too rarely for delays to be identified: slow, held, or joined by lines.
 
-A line between two readings holds the later one, and a driver's answer lies between them. Measured on drives of 8 min: at
-4 Hz intervals held the truth on 42 of 42 parameters. With all signals at 2 Hz gains came out up to nine times too large;
-with the output alone at 2 Hz gains held, and tau came out 0.15 s too long. With a radar at 5 Hz, held or joined by lines,
-42 numbers of 8 drives of 10 min no longer held, and 41 of them were tau or theta (`python -m benchmarks sensor_effects`).
+A line between two readings holds the later one, so an output answers before its driver does, and lags for longer. Measured
+on drives of 10 min: where 20 % of the rows of 10 Hz were lost tau came out 0.02 to 0.08 s longer and theta as much shorter,
+at 35 % 0.1 to 0.2 s, and with the output alone at 4 Hz, joined by lines, 0.03 s. With all signals at 2 Hz gains came out up
+to nine times too large. With a radar at 5 Hz, held or joined by lines, 42 numbers of 8 drives no longer held, and 41 of them
+were tau or theta (`python -m benchmarks sensor_effects`).
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from canid.signals.signal_checks.check import Check, Found
 from canid.values.state_constraints import TIME
 from canid.values.text.names import readable
 
-# s; between the periods of 4 Hz, at which intervals hold, and of 3.3 Hz (OBD2 polled), at which they do not always
+# s; between the periods of 4 Hz, at which gains hold, and of 3.3 Hz (OBD2 polled), at which they do not always
 MAX_UPDATE_S = 0.28
-# s; between 5 Hz, at which gains hold and delays do not, and 10 Hz
-MAX_INPUT_UPDATE_S = 0.15
+# s, of an output: gains held at 2 Hz, on 13 of 16, and at 1 Hz on 3 of 5
+MAX_OUTPUT_UPDATE_S = 0.55
+# s; between readings of 10 Hz of which 10 % are lost, at which delays hold, and 20 %, or 5 Hz, at which they do not
+MAX_DELAYS_UPDATE_S = 0.15
 # spans that are kept, a minute, and of these that must be slow: one calm stretch decides nothing
 KEPT_SPANS, NEEDED_SPANS = 6, 3
 # roles that the inputs are made of; any other that comes is the output
@@ -81,10 +84,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
             updates = (*before.updates, Update(span.update, span.kind))[-KEPT_SPANS:]
             shown[span.role] = before._replace(updates=updates)
     state = State(shown)
-    limit = MAX_INPUT_UPDATE_S if inputs else MAX_UPDATE_S
-    slow = {
-        role: update for role, seen in shown.items() if (update := _slow(seen.updates, limit)) is not None
-    }
+    slow = {role: update for role, seen in shown.items() if (update := _slow(seen.updates)) is not None}
     if not slow:
         return state, None
     parts: dict[str, list[str]] = {}
@@ -95,23 +95,23 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         f"{', '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}" for how, roles in parts.items()
     )
     longest = max(update.seconds for update in slow.values())
-    delays_only = not inputs or longest <= MAX_UPDATE_S
+    delays_only = longest <= (MAX_UPDATE_S if inputs else MAX_OUTPUT_UPDATE_S)
     what = "the response is not identifiable"
     if delays_only:
         what = f"tau and theta cannot be identified below {longest:.2g} s"
     says = f"{named}: {what}"
     since = min(shown[role].since for role in slow)
-    remedy = f"record {', '.join(map(readable, slow))} at {8 if inputs else 5} Hz or more"
+    remedy = f"record {', '.join(map(readable, slow))} at 8 Hz or more"
     name = "input_slow" if inputs else "output_slow"
     return state, Found(name, tuple(slow), since, says, remedy, delays_only=delays_only)
 
 
-def _slow(updates: tuple[Update, ...], limit: float) -> Update | None:
-    """How the value is updated where enough spans show that it is slower than a limit, s.
+def _slow(updates: tuple[Update, ...]) -> Update | None:
+    """How the value is updated where enough spans show that delays are not identifiable.
 
     Not each of them shows the knots of lines.
     """
-    slow = sorted(update for update in updates if update.seconds > limit)
+    slow = sorted(update for update in updates if update.seconds > MAX_DELAYS_UPDATE_S)
     return slow[len(slow) // 2] if len(slow) >= NEEDED_SPANS else None
 
 

@@ -55,16 +55,17 @@ def step(
             else:
                 news.append(before.finding._replace(until=t))
             continue
-        if before is not None and before.finding.name == now.name:
+        touched = bool(watched & set(now.roles))
+        worse = touched and not now.delays_only
+        if before is not None and before.finding.name == now.name and before.finding.withholds >= worse:
             # its sentence stays as it was first said: what is shown live and afterwards is the same
             after[check] = before._replace(last=t)
             continue
         if before is not None:
             news.append(before.finding._replace(until=t))
-        touched = bool(watched & set(now.roles))
         finding = SignalFinding(
             *(now.name, now.roles, now.since, t, now.says, now.remedy),
-            withholds=touched and not now.delays_only,
+            withholds=worse,
             withholds_delays=touched and now.delays_only,
         )
         after[check] = Entry(finding, t)
