@@ -40,8 +40,9 @@ class Level(NamedTuple):
     """One of the extreme values."""
 
     value: float
-    samples: Annotated[int, NOT_NEGATIVE] = 1
+    samples: Annotated[int, NOT_NEGATIVE] = 1  # on ways to the outermost and back
     visits: Annotated[int, NOT_NEGATIVE] = 1
+    coming: Annotated[int, NOT_NEGATIVE] = 0  # samples since the output was away, which may turn before the outermost
 
 
 class State(NamedTuple):
@@ -101,17 +102,32 @@ def step(state: State, output: float) -> State:
 def _counted(
     levels: tuple[Level, ...], left: bool, value: float, span: float, same: float
 ) -> tuple[tuple[Level, ...], bool]:
-    """Count a value among the outermost ones."""
+    """Count a value among the outermost ones; those next to it where the output went on to the outermost or came from it."""
     if len(levels) == LEVELS and value < levels[-1].value - same:
-        return levels, left or levels[0].value - value >= AWAY_SHARE * span
+        if levels[0].value - value < AWAY_SHARE * span:
+            return levels, left
+        # it turned before the outermost
+        return tuple([level._replace(coming=0) if level.coming else level for level in levels]), True
     for k, level in enumerate(levels):
-        if abs(value - level.value) <= same:
-            back = k == 0 and left
-            more = level._replace(samples=level.samples + 1, visits=level.visits + back)
-            return (*levels[:k], more, *levels[k + 1 :]), left and not back
+        if abs(value - level.value) > same:
+            continue
+        if k and left:
+            return (*levels[:k], level._replace(coming=level.coming + 1), *levels[k + 1 :]), left
+        more = level._replace(samples=level.samples + 1, visits=level.visits + (k == 0 and left))
+        levels = (*levels[:k], more, *levels[k + 1 :])
+        return (_reached(levels) if left else levels), left and k > 0
     at = sum(level.value > value for level in levels)
-    away = at > 0 and (left or levels[0].value - value >= AWAY_SHARE * span)
+    if at == 0:
+        return (Level(value), *_reached(levels))[:LEVELS], False
+    away = left or levels[0].value - value >= AWAY_SHARE * span
     return (*levels[:at], Level(value), *levels[at:])[:LEVELS], away
+
+
+def _reached(levels: tuple[Level, ...]) -> tuple[Level, ...]:
+    """Count what was met on the way to the outermost."""
+    return tuple(
+        level._replace(samples=level.samples + level.coming, coming=0) if level.coming else level for level in levels
+    )
 
 
 def limits(state: State) -> Limits:
