@@ -19,7 +19,7 @@ import numpy as np
 from canid.mathematics.identification import rounding
 from canid.signals.samples import local_polynomial
 from canid.signals.samples.local_polynomial import Fitted
-from canid.values.runs import Flags, runs
+from canid.values.runs import runs
 from canid.values.types import NAN, Array
 
 # s; readings from which one phase is determined. 50 decisions at 10 Hz know it to 1 ms with a wheel angle in steps of 0.1°
@@ -42,11 +42,9 @@ MAX_JITTER = 0.1
 SURE_SD = 4.0
 # variance of the square of a rounding error, in steps^4 / 144: 1/80 - 1/144 of a uniform one
 ROUNDING_KURTOSIS = 0.8
-# steps; an output that stays at the highest or lowest value of a block for longer may be at its limit: the corners where it
-# comes there and leaves are between two decisions, and a block with few others has one phase for all of them
+# steps; an output that stays at the highest or lowest value of a block for longer may be at its limit. The corners where it
+# comes there and leaves are at any time between two decisions, and where they are few one phase stands out for them
 MAX_AT_END = 2.0
-# of a block's readings; fewer that are away from such stays show no phase
-MIN_FREE_SHARE = 0.5
 # residuals below this share of the signal's power are rounding
 EXACT_SHARE = 1e-12
 
@@ -131,7 +129,7 @@ def _decided(t: Array, value: Array, dt: float, before: Instants | None) -> Inst
     per_step = dt / max(float(np.median(np.diff(t))), 1e-6)
     if per_step > 1.5:
         corners = _corners(t, value - value.mean(), dt, kept)
-        if corners is not None:
+        if corners is not None and (kept.kind in ("hold", "line") or not _stays_at_end(t, value, dt)):
             return _followed(corners, kept, dt)
         if kept.kind in ("hold", "line"):
             return kept
@@ -146,6 +144,11 @@ def _decided(t: Array, value: Array, dt: float, before: Instants | None) -> Inst
     return _followed(Instants(0.0, "reading", phase + turns * period, False), kept, dt)
 
 
+def _stays_at_end(t: Array, value: Array, dt: float) -> bool:
+    stays = [stay for end in (value.max(), value.min()) for stay in runs(value == end)]
+    return any(t[stop - 1] - t[first] > MAX_AT_END * dt for first, stop in stays)
+
+
 def _followed(instants: Instants, kept: Instants, dt: float) -> Instants:
     phase = instants.phase + dt * round((kept.phase - instants.phase) / dt)
     moved = phase - kept.phase
@@ -157,48 +160,25 @@ def _followed(instants: Instants, kept: Instants, dt: float) -> Instants:
 
 def _corners(t: Array, value: Array, dt: float, kept: Instants) -> Instants | None:
     """Kind and phase of the spline of least residual; None where none stands out."""
-    floor, variance = EXACT_SHARE * float(value @ value), rounding.variance(value)
-    free = _away_from_ends(t, value, dt)
-    if free.sum() < MIN_FREE_SHARE * len(t):
-        return None
+    floor = EXACT_SHARE * float(value @ value)
+    # what rounding leaves whatever the phase, and how much that varies: it must not hide that a phase stands out
+    variance = rounding.variance(value)
+    rounded, chance = variance * len(t), SURE_SD * variance * (ROUNDING_KURTOSIS * len(t)) ** 0.5
     best: tuple[float, Instants] | None = None
     coarse = np.arange(COARSE) * dt / COARSE
-    for kind, squares in (("hold", _hold), ("line", _line)):
-        each = np.array([squares(t, value, dt, phase) for phase in coarse])
-        residuals, away = each.sum(axis=1), each[:, free].sum(axis=1)
+    for kind, residual in (("hold", _hold), ("line", _line)):
+        residuals = np.array([residual(t, value, dt, phase) for phase in coarse])
         usual = float(np.median(residuals)) + floor
         k = int(residuals.argmin())
         # means of a few rounded values hit the lattice by chance: only a line is compared without its rounding
-        rounded = variance if kind == "line" else 0.0
-        shown = _stands_out(residuals, k, len(t), rounded, floor) and (
-            bool(free.all()) or _stands_out(away, k, int(free.sum()), rounded, floor)
-        )
+        off = rounded if kind == "line" and usual - residuals[k] > chance else 0.0
+        shown = max(float(residuals[k]) - off, 0.0) <= MAX_RESIDUAL_SHARE * (usual - off)
         if not shown or (best is not None and residuals[k] >= best[0]):
             continue
         near = float(coarse[k])
         phase = _middle(residuals, near, usual, dt) if kind == "hold" else _finest(t, value, dt, near)
         best = float(residuals[k]), Instants(0.0, kind, phase, False)  # type: ignore[arg-type]
     return None if best is None else best[1]
-
-
-def _stands_out(residuals: Array, k: int, count: int, variance: float, floor: float) -> bool:
-    """Is the k-th residual clear of the median one, by more than rounding of this variance gives?"""
-    # what rounding leaves whatever the phase, and how much that varies: it must not hide that a phase stands out
-    rounded, chance = variance * count, SURE_SD * variance * (ROUNDING_KURTOSIS * count) ** 0.5
-    least, usual = float(residuals[k]), float(np.median(residuals)) + floor
-    if usual - least <= chance:
-        return False
-    return max(least - rounded, 0.0) <= MAX_RESIDUAL_SHARE * (usual - rounded)
-
-
-def _away_from_ends(t: Array, value: Array, dt: float) -> Flags:
-    """Readings (n,) a step and more from where the output stays at its highest or lowest value."""
-    free = np.ones(len(t), dtype=bool)
-    for end in (value.max(), value.min()):
-        for first, stop in runs(value == end):
-            if t[stop - 1] - t[first] > MAX_AT_END * dt:
-                free &= (t < t[first] - dt) | (t > t[stop - 1] + dt)
-    return free
 
 
 def _middle(residuals: Array, phase: float, usual: float, dt: float) -> float:
@@ -217,7 +197,7 @@ def _finest(t: Array, value: Array, dt: float, phase: float) -> float:
     """Least residual near a phase, by parabolas through three."""
     width = dt / COARSE
     for _ in range(FINE):
-        a, b, c = (float(_line(t, value, dt, phase + d).sum()) for d in (-width, 0.0, width))
+        a, b, c = (_line(t, value, dt, phase + d) for d in (-width, 0.0, width))
         bend = a - 2.0 * b + c
         if not bend > 0.0:
             return phase
@@ -226,17 +206,17 @@ def _finest(t: Array, value: Array, dt: float, phase: float) -> float:
     return phase
 
 
-def _hold(t: Array, value: Array, dt: float, phase: float) -> Array:
-    """Squares (n,) left by the means between instants."""
+def _hold(t: Array, value: Array, dt: float, phase: float) -> float:
+    """Sum of squares left by the means between instants."""
     k = np.floor((t - phase) / dt).astype(int)
     k -= k[0]
     count = np.maximum(np.bincount(k), 1)
     mean = np.bincount(k, value) / count
-    return np.asarray(np.square(value - mean[k]))
+    return float(np.square(value - mean[k]).sum())
 
 
-def _line(t: Array, value: Array, dt: float, phase: float) -> Array:
-    """Squares (n,) left by the linear spline with knots at the instants."""
+def _line(t: Array, value: Array, dt: float, phase: float) -> float:
+    """Sum of squares left by the linear spline with knots at the instants."""
     x = (t - phase) / dt
     k = np.floor(x).astype(int)
     w = x - k
@@ -251,7 +231,7 @@ def _line(t: Array, value: Array, dt: float, phase: float) -> Array:
     H[np.diag_indices(n)] += 1e-9
     r = np.bincount(k, (1.0 - w) * value, n) + np.bincount(k + 1, w * value, n)
     s = np.linalg.solve(H, r)
-    return np.asarray(np.square(value - (1.0 - w) * s[k] - w * s[k + 1]))
+    return float(np.square(value - (1.0 - w) * s[k] - w * s[k + 1]).sum())
 
 
 def value_at(t: Array, value: Array, at: float, kind: str, dt: float) -> Fitted:
