@@ -59,6 +59,27 @@ def test_a_limit_on_either_side_is_found(kind: str, step: float, seed: int) -> N
         assert (found.lower, found.upper) == pytest.approx(limits, abs=1e-9)
 
 
+def test_turns_next_to_a_limit_do_not_hide_it() -> None:
+    """Three of four movements turn one to three sensor steps before the limit, at which the fourth stays for 0.4 s."""
+    way = [0.0, 1.0, 2.0, 3.0]
+    turned = [[*way, height, height, *way[::-1]] for height in (3.7, 3.8, 3.9)]
+    moves = [*turned, [*way, 4.0, 4.0, 4.0, 4.0, *way[::-1]]]
+    y = np.concatenate([sign * np.array(move) for _ in range(60) for move in moves for sign in (1.0, -1.0)])
+    assert output_limits.find(y.tolist())[:2] == (-4.0, 4.0)
+    # and no one stays there
+    turns = np.concatenate(
+        [sign * np.array([*way, 4.0, *way[::-1]]) for _ in range(60) for sign in (1.0, -1.0)]
+    )
+    assert output_limits.find(turns.tolist())[:2] == NOWHERE
+
+
+def test_a_quick_swing_of_one_height_is_no_limit() -> None:
+    """At 0.7 Hz each sample next to the top belongs to a swing without one at the top."""
+    for phase in np.linspace(0.0, 0.1, 5):
+        y = rounded(1.42 * np.sin(2 * math.pi * 0.698 * 0.1 * np.arange(N) + phase), 0.02)
+        assert output_limits.find(y.tolist())[:2] == NOWHERE
+
+
 def test_a_person_who_holds_the_pedal_still_at_its_largest_value_is_no_limit() -> None:
     rng = np.random.default_rng(7)
     levels = np.concatenate([rng.uniform(10.0, 30.0, 60), [34.0]])

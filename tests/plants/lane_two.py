@@ -66,6 +66,7 @@ def plant(
     noise: str,
     curves: float = 0.0,
     faster: float = 1.0,
+    lock: tuple[float, float] = (-math.inf, math.inf),
 ) -> Lane:
     """Plant a drive.
 
@@ -77,6 +78,7 @@ def plant(
         curves: standard deviation of the road's curvature, 1/m; a preview has one of 4e-4 at least.
         faster: factor on the speed from the middle of the drive on; the driver, whose car then answers more, turns the wheel
             less, as much as keeps the loop the same.
+        lock: °, least and largest angle that the output takes, its offset included.
 
     Raises:
         ValueError: an unknown effect or noise.
@@ -106,7 +108,7 @@ def plant(
     road = _clothoids(n, slow, sd, rng["road"])
     remnant = who.noise_sd * _remnant(noise, n, rng["noise"])
     away = _away(values.get("attention_gap"), n * STEP_S, rng["when"])
-    columns = _driven(n, speed, per_degree, who, road, remnant, _air(n, rng["air"]), values, away)
+    columns = _driven(n, speed, per_degree, who, road, remnant, _air(n, rng["air"]), values, away, lock)
     truth = {
         "seed": seed, "noise": noise, "minutes": minutes, "driver": who._asdict(), "effects": values, "episodes": away,
     }  # fmt: skip
@@ -213,6 +215,7 @@ def _driven(
     air: Array,
     values: Mapping[str, Mapping[str, float]],
     away: list[list[float]],
+    lock: tuple[float, float],
 ) -> dict[str, Array]:
     """Close the loop, in plain floats."""
     width = values.get("lateral_dead_zone", {}).get("width", 0.0)
@@ -255,6 +258,7 @@ def _driven(
         else:
             # after an attention gap the wheel comes back within some tenths of a second
             turned = last + (wheel - last) * min(1.0, STEP_S / 0.02)
+        turned = min(max(turned, lock[0] - who.offset), lock[1] - who.offset)
         last = turned
         angle[k], offsets[k] = turned + who.offset, y
         yaw += (per_degree / slow * times * turned - yaw) * YAW_RATE * STEP_S

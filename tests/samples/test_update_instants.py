@@ -81,6 +81,17 @@ def test_a_signal_without_instants_is_read_at_its_readings(seed: int) -> None:
             assert abs(off) < 1e-6
 
 
+@pytest.mark.parametrize("period", [0.05, 0.02])
+def test_a_wheel_that_comes_to_its_lock_shows_no_instants(period: float) -> None:
+    """A smooth wheel that stays at its lock is read at its readings: no value of the grid is beyond all of them."""
+    for seed in range(6):
+        rng = np.random.default_rng([seed, 46])
+        angle = scan(scan(rng.normal(size=3000), np.array([0.98])), np.array([0.95]))
+        wheel = np.clip(2.0 * angle / angle.std(), -1.0, 1.0)[:: round(period / 0.01)]
+        t, value = period * np.arange(len(wheel)), 0.1 * np.round(wheel / 0.1)
+        assert {one.kind for one in grid_of(t, value)} == {"reading"}
+
+
 def test_a_wheel_that_stands_still_keeps_the_grid() -> None:
     """Straight driving, and a sensor that is silent, leave the instants as they were."""
     rng = np.random.default_rng(3)

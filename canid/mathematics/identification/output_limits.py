@@ -2,7 +2,9 @@
 
 A limited output has a point mass at its limit (Tobin 1958), any other density falls towards its end. The samples at the
 extreme value are counted against those at the values next to it, in stays as long as those of this output are elsewhere:
-a person who holds the pedal still, or a slow sender, repeats every value, and then a repeat is no evidence.
+a person who holds the pedal still, or a slow sender, repeats every value, and then a repeat is no evidence. An output that
+is turned back next to its limit as often as it comes there is seen at its limit all the same: by the movements alone that
+come there, without the sample by which one of them is known to.
 Sample by sample, so that it is the same live and of a whole drive.
 """
 
@@ -42,6 +44,17 @@ class Level(NamedTuple):
     value: float
     samples: Annotated[int, NOT_NEGATIVE] = 1
     visits: Annotated[int, NOT_NEGATIVE] = 1
+    turned: Annotated[int, NOT_NEGATIVE] = (
+        0  # of the samples, those of movements that did not reach the outermost
+    )
+    coming: Annotated[int, NOT_NEGATIVE] = (
+        0  # of the samples, those since the output was away from the outermost
+    )
+
+    @property
+    def passed(self) -> int:
+        """Samples on ways to the outermost and back."""
+        return self.samples - self.turned - self.coming
 
 
 class State(NamedTuple):
@@ -103,15 +116,32 @@ def _counted(
 ) -> tuple[tuple[Level, ...], bool]:
     """Count a value among the outermost ones."""
     if len(levels) == LEVELS and value < levels[-1].value - same:
-        return levels, left or levels[0].value - value >= AWAY_SHARE * span
+        if levels[0].value - value < AWAY_SHARE * span:
+            return levels, left
+        return tuple(_turned(level) if level.coming else level for level in levels), True
     for k, level in enumerate(levels):
         if abs(value - level.value) <= same:
             back = k == 0 and left
-            more = level._replace(samples=level.samples + 1, visits=level.visits + back)
-            return (*levels[:k], more, *levels[k + 1 :]), left and not back
+            more = level._replace(
+                samples=level.samples + 1,
+                visits=level.visits + back,
+                coming=level.coming + (left and not back),
+            )
+            levels = (*levels[:k], more, *levels[k + 1 :])
+            return (_reached(levels) if back else levels), left and not back
     at = sum(level.value > value for level in levels)
-    away = at > 0 and (left or levels[0].value - value >= AWAY_SHARE * span)
-    return (*levels[:at], Level(value), *levels[at:])[:LEVELS], away
+    if at == 0:
+        return (Level(value), *_reached(levels))[:LEVELS], False
+    away = left or levels[0].value - value >= AWAY_SHARE * span
+    return (*levels[:at], Level(value, coming=int(away)), *levels[at:])[:LEVELS], away
+
+
+def _turned(level: Level) -> Level:
+    return level._replace(turned=level.turned + level.coming, coming=0)
+
+
+def _reached(levels: tuple[Level, ...]) -> tuple[Level, ...]:
+    return tuple(level._replace(coming=0) if level.coming else level for level in levels)
 
 
 def limits(state: State) -> Limits:
@@ -146,8 +176,16 @@ def _is_limit(state: State, levels: tuple[Level, ...]) -> bool:
     ends = (state.top[0], state.bottom[0])
     elsewhere = state.samples - sum(end.samples for end in ends)
     length = max(elsewhere / max(state.stays - sum(end.visits for end in ends), 1), 1.0)
-    stays = outermost.samples / length
-    expected = max(max(level.samples for level in others) / length, 1.0)
+    return _kept_longer(
+        outermost.samples / length, max(level.samples for level in others) / length
+    ) or _kept_longer(
+        (outermost.samples - outermost.visits) / length, max(level.passed for level in others) / length
+    )
+
+
+def _kept_longer(stays: float, others: float) -> bool:
+    """Are there more stays than three times the others, by more than chance?"""
+    expected = max(others, 1.0)
     if stays <= MIN_RATIO * expected:
         return False
     return 2.0 * (stays * math.log(stays / expected) - (stays - expected)) >= NEEDED_EVIDENCE

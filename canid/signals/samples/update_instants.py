@@ -19,6 +19,7 @@ import numpy as np
 from canid.mathematics.identification import rounding
 from canid.signals.samples import local_polynomial
 from canid.signals.samples.local_polynomial import Fitted
+from canid.values.runs import runs
 from canid.values.types import NAN, Array
 
 # s; readings from which one phase is determined. 50 decisions at 10 Hz know it to 1 ms with a wheel angle in steps of 0.1°
@@ -41,6 +42,9 @@ MAX_JITTER = 0.1
 SURE_SD = 4.0
 # variance of the square of a rounding error, in steps^4 / 144: 1/80 - 1/144 of a uniform one
 ROUNDING_KURTOSIS = 0.8
+# steps; an output that stays at the highest or lowest value of a block for longer may be at its limit. The corners where it
+# comes there and leaves are at any time between two decisions, and where they are few one phase stands out for them
+MAX_AT_END = 2.0
 # residuals below this share of the signal's power are rounding
 EXACT_SHARE = 1e-12
 
@@ -125,7 +129,7 @@ def _decided(t: Array, value: Array, dt: float, before: Instants | None) -> Inst
     per_step = dt / max(float(np.median(np.diff(t))), 1e-6)
     if per_step > 1.5:
         corners = _corners(t, value - value.mean(), dt, kept)
-        if corners is not None:
+        if corners is not None and (kept.kind in ("hold", "line") or not _stays_at_end(t, value, dt)):
             return _followed(corners, kept, dt)
         if kept.kind in ("hold", "line"):
             return kept
@@ -138,6 +142,11 @@ def _decided(t: Array, value: Array, dt: float, before: Instants | None) -> Inst
     # the reading's phase next to the one before: with several readings a step any of them serves
     turns = round((kept.phase - phase) / period)
     return _followed(Instants(0.0, "reading", phase + turns * period, False), kept, dt)
+
+
+def _stays_at_end(t: Array, value: Array, dt: float) -> bool:
+    stays = [stay for end in (value.max(), value.min()) for stay in runs(value == end)]
+    return any(t[stop - 1] - t[first] > MAX_AT_END * dt for first, stop in stays)
 
 
 def _followed(instants: Instants, kept: Instants, dt: float) -> Instants:

@@ -32,6 +32,7 @@ NO_ANSWER = (
     "the wheel answers the lateral offset by no more than chance: is it the right signal, and does a person steer? "
     "If so, drive longer"
 )
+AT_LOCK = "the wheel is at its lock for part of the time: no gain or delay is quoted, steer within its range"
 NO_SENSING = Blocked("sensing", "not_testable", "Nothing is redundant with a lateral offset.")
 NO_VEHICLE = Blocked("vehicle", "not_testable", "How the car answers the wheel is not diagnosed.")
 NO_REMNANT = Blocked("remnant", "not_testable", "The noise of a driver who keeps the lane is not diagnosed.")
@@ -142,7 +143,7 @@ def assess(searched: Searched) -> Assessed:
             *confirmed.refused,
             *search_steps(held, search.named, search.steps, len(effects), rows, order),
         ),
-        remarks=confirmed.refused,
+        remarks=(*confirmed.refused, *([AT_LOCK] if (data.output.usable & data.output.hidden).any() else [])),
         maps=[(("lateral_offset", data.offset), ("speed", data.speed))] if moves else [],
         inputs={"lateral_offset": data.offset},
         remnant=RemnantReport((), NO_REMNANT),
