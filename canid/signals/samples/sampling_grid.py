@@ -202,7 +202,8 @@ def take(
         if n:
             state = state._replace(next=int(k[n - 1]) + 1)
             with np.errstate(all="ignore"):
-                out.append(_points(state, t[:n], frame[:n], roles, _kinds(k[:n] * dt, grid), dt))
+                kinds = _kinds(np.multiply(k[:n], dt, dtype=np.float64), grid)
+                out.append(_points(state, t[:n], frame[:n], roles, kinds, dt))
     return _trimmed(state, dt, roles)._replace(frames=after[0], latest=after[1]), out
 
 
