@@ -21,6 +21,8 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
 _DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.IGNORECASE)
 # may be a number of thousands; 0,100 and 12,5 cannot
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+# the same next to decimal commas: 1.118.846 or 1.234,5
+DOTTED_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
 # a heading of RaceCapture: "Speed"|"MPH"|0.0|150.0|10: name, unit, least and largest value, rate
 _RACECAPTURE = re.compile(r'"?(?P<name>[^"|]+)"?\|"?(?P<unit>[^"|]*)"?(\|-?[\d.]+){3}')
 # lines of text between the names and the first row: RaceChrono has units and sources, and names may be repeated
@@ -213,5 +215,10 @@ def _layout(
     commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
     if delimiter == ",":  # in quotes, where a comma may separate thousands as well
         commas = [cell for cell in commas if not _THOUSANDS.fullmatch(cell)]
-    comma = bool(commas) and not any(map(_DECIMAL_POINT.fullmatch, cells))
+    points = [
+        cell
+        for cell in cells
+        if _DECIMAL_POINT.fullmatch(cell) and (delimiter == "," or not DOTTED_THOUSANDS.fullmatch(cell))
+    ]
+    comma = bool(commas) and not points
     return Layout(headings, delimiter, comma, skip, header, encoding)

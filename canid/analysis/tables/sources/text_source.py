@@ -13,7 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from canid.analysis.tables.source import EMPTY, SAMPLE_ROWS, Block, number
-from canid.analysis.tables.sources.text_layout import MAX_PREAMBLE_LINES, encoding_of, layout
+from canid.analysis.tables.sources.text_layout import (
+    DOTTED_THOUSANDS,
+    MAX_PREAMBLE_LINES,
+    encoding_of,
+    layout,
+)
 from canid.analysis.tables.sources.text_rows import Rows, form
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import LineCount, blocks
@@ -26,6 +31,8 @@ _EMPTY = str(EMPTY).encode()
 # numbers as spreadsheets and portals export them, in quotes: 1,118,846,980,200
 _GROUPED = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
 _POINT = re.compile(r"[-+]?\d*\.\d+")
+# a number of thousands next to decimal commas, in a line
+_DOTTED = re.compile(rb"(?:^|[;\t|\n])[-+]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?(?=[;\t|\r\n]|$)")
 
 
 class TextSource:
@@ -96,7 +103,7 @@ class TextSource:
         """The texts of the first rows, a list per column; with a decimal point."""
         if not self._layout.decimal_comma:
             return self._sample
-        return [[cell.replace(",", ".") for cell in column] for column in self._sample]
+        return [list(map(_pointed, column)) for column in self._sample]
 
     def blocks(self, numbers: Sequence[int], texts: Sequence[int]) -> Iterator[Block]:
         """Read these columns, by their places. Raises LogError where the file cannot be read."""
@@ -126,6 +133,8 @@ class TextSource:
         if b'"' in data or b"_" in data or (self._layout.decimal_comma and d == b","):
             return None
         if self._layout.decimal_comma:
+            if b"." in data and _DOTTED.search(data):
+                return None
             data = data.replace(b",", b".")
         if d:
             if d + d in data:
@@ -159,11 +168,12 @@ class TextSource:
         for j, k in enumerate(numbers):
             cells = [row[k] if k < len(row) else "" for row in rows]
             if comma:
-                cells = [cell.replace(",", ".") for cell in cells]
+                cells = list(map(_pointed, cells))
             elif self._grouped:
                 cells = [_ungrouped(cell) for cell in cells]
             try:
-                out[:, j] = list(map(float, cells))
+                # Python takes 2026_05 as a number
+                out[:, j] = list(map(number if any("_" in cell for cell in cells) else float, cells))
             except ValueError:
                 out[:, j] = list(map(number, cells))
         return out
@@ -176,6 +186,16 @@ def _ungrouped(cell: str) -> str:
     ('1118846', 'a,b')
     """
     return cell.replace(",", "") if "," in cell and _GROUPED.fullmatch(cell.strip()) else cell
+
+
+def _pointed(cell: str) -> str:
+    """A number with a decimal comma, which dots may divide into thousands, with a decimal point.
+
+    >>> _pointed("1.234,5"), _pointed("0,5"), _pointed("1.5")
+    ('1234.5', '0.5', '1.5')
+    """
+    grouped = "." in cell and DOTTED_THOUSANDS.fullmatch(cell.strip())
+    return (cell.replace(".", "") if grouped else cell).replace(",", ".")
 
 
 def _has_groups(rows: Sequence[Sequence[str]]) -> bool:
