@@ -14,10 +14,14 @@ from canid.analysis.contents.binding import DbcFile
 from canid.analysis.contents.decoded_frames import Decoder
 from canid.analysis.contents.last_values import LastValues
 from canid.analysis.contents.log_survey import Wanted
+from canid.analysis.drive.drive_parameters import identify
+from canid.analysis.drive.drive_reader import read_trace
 from canid.analysis.drive.recorded_time import RecordedTime
+from canid.analysis.fleet.one_log import drive_row
 from canid.analysis.proposal import log_columns
 from canid.io.logs import open_log, write_log
 from canid.signals.dbc_text.parsing import Message, Signal
+from canid.signals.vehicle import read_vehicle
 from canid.values.frame_columns import columns_of
 from canid.values.types import Frame
 
@@ -80,6 +84,15 @@ def test_a_table_of_last_values_knows_a_pause() -> None:
     values = LastValues(Decoder([file], Wanted()))
     values.take([columns_of([Frame(0.1 * k + (60.0 if k > 15 else 0.0), 0, 7, b"\1") for k in range(24)])])
     assert [row.rate for row in values.rows(63.0)] == [pytest.approx(10.0, rel=0.05)]
+
+
+def test_what_a_fleet_counts_as_driven_is_without_pauses(logs: tuple[Path, Path]) -> None:
+    whole, paused = (identify(read_trace(log, "generic"), sliding=False, select_orders=False) for log in logs)
+    assert paused.duration > PAUSE_S
+    assert whole.recorded == whole.duration
+    vehicle = read_vehicle("generic")
+    driven = [drive_row.identified_columns(found, vehicle)["duration"] for found in (whole, paused)]
+    assert driven[1] == pytest.approx(driven[0], abs=2.0)
 
 
 def test_frames_that_are_all_far_apart_have_a_rate() -> None:
