@@ -101,6 +101,13 @@ def test_times_of_whole_seconds_are_said(tmp_path: Path, seed: int) -> None:
     assert not any("time of the row before" in note for note in several.notes)
 
 
+def test_infinite_cells_are_not_measured(tmp_path: Path, seed: int) -> None:
+    rows = [(t, cells if k % 50 > 3 else "25,inf,-inf,20") for k, (t, cells) in enumerate(drive(seed, 600))]
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{t:.1f}")
+    assert last(table) == pytest.approx(rows[-1][0])
+    assert not table.notes
+
+
 def test_digits_with_an_underscore_are_no_number(tmp_path: Path) -> None:
     """Python reads 1_0 as 10."""
     assert number("1_0") == NO_NUMBER

@@ -41,7 +41,7 @@ IDS = ("vehicle_id", "lead_id", "own_id", "lane", "episode")
 ALIASES: dict[str, tuple[str, ...]] = {
     TIME: ("t", "timestamp", "time_stamp", "timestamps", "datetime", "date_time", "utc", "utc_time", "epoch",
            "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time",
-           "zeit"),
+           "zeit", "uhrzeit", "zeitstempel"),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
               "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",
               "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d",

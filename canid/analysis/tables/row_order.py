@@ -72,7 +72,7 @@ def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str) -> str:
     # rows of several messages that came at one time fill different columns
     twice = np.zeros(len(again), bool)
     for column in columns:
-        twice |= again & (np.diff(column) != 0.0) & np.isfinite(column[1:]) & np.isfinite(column[:-1])
+        twice |= again & (column[1:] != column[:-1]) & np.isfinite(column[1:]) & np.isfinite(column[:-1])
     n = int(twice.sum())
     if n <= _REPEATED_SHARE * len(t):
         return ""
