@@ -16,7 +16,7 @@ class BusContents(NamedTuple):
 
     bus: int
     frames: int  # of all kinds
-    rate: float  # 1/s
+    rate: float  # 1/s, without pauses of the whole log, as `bits_per_s`
     bits_per_s: float  # without stuff bits and retransmissions: a lower bound of what the bus carried
     errors: int  # error frames
     remote: int  # remote frames
@@ -41,7 +41,7 @@ class MessageContents(NamedTuple):
     name: str  # of the message in the DBC files, "" where none names it
     database: str  # the file that names it
     frames: int
-    rate: float  # 1/s, between the first and the last frame
+    rate: float  # 1/s, between the first and the last frame, without pauses of the whole log
     jitter: float  # s, standard deviation of the time from frame to frame
     longest_gap: float  # s
     first: float  # s of the log
@@ -102,6 +102,7 @@ class LogContents(NamedTuple):
     ids: int = 0  # that came with data, on all buses together; messages may be some of them
     frames_left_out: int = 0  # of ids beyond the number that is kept
     signals_left_out: int = 0  # beyond the number that is kept
+    paused: float = 0.0  # s between the first frame and the last one in which none came
 
     @property
     def duration(self) -> float:

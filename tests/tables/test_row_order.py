@@ -122,11 +122,14 @@ def test_two_drives_whose_times_begin_anew_are_not_mixed(tmp_path: Path, shift: 
 
 
 def test_a_coarse_clock_is_no_second_drive(tmp_path: Path) -> None:
-    """Rows that share a second because the clock has no fraction stay as they are."""
+    """Rows that share a second because the clock has no fraction stay as they are, which is said."""
     rows = [(float(k // 10), [f"{20 + k % 9}", "30", "0", "0"]) for k in range(300)]
     rows[100], rows[150] = rows[150], rows[100]
     notes = _written(tmp_path / "coarse.csv", "time [s]", rows).notes
-    assert len([note for note in notes if "no unit is stated" not in note]) == 1
+    notes = [note for note in notes if "no unit is stated" not in note]
+    assert len(notes) == 2
+    assert "were not in the order of time" in notes[0]
+    assert "269 of 300 rows have the time of the row before" in notes[1]
 
 
 def test_reported_orders_are_the_sorted_table(measured: Path) -> None:

@@ -277,7 +277,7 @@ def test_date_numbers_count_days(tmp_path: Path, day: float) -> None:
     plain = opened(tmp_path / "y.csv", "time", rows, lambda t: f"{t:.3f}")
     times, wanted = (np.concatenate([part.t for part in x.log.columns()]) for x in (table, plain))
     np.testing.assert_allclose(times, wanted, atol=2e-5)
-    assert any("date numbers" in note for note in table.notes)
+    assert any("taken as days" in note for note in table.notes)
     assert table.log.start_utc == pytest.approx((day - (25_569 if day < 1e5 else 719_529)) * 86_400, abs=1e-3)
 
 
@@ -285,4 +285,4 @@ def test_seconds_since_a_start_of_the_clock_are_no_date_numbers(tmp_path: Path) 
     """The same size, in steps of a drive."""
     rows = drive(4, n=400)
     table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{45_000.0 + t:.3f}")
-    assert not any("date numbers" in note for note in table.notes)
+    assert not any("taken as days" in note for note in table.notes)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from canid.analysis.contents import single_frame
 from canid.analysis.contents.decoded_frames import DecodedSignal, Decoder, decoded_signals
 from canid.analysis.contents.single_frame import Place
+from canid.analysis.drive.recorded_time import RecordedTime
 from canid.analysis.drive.signal_columns import MessageFrames, MessageKey, SignalColumn
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.values.signal_table import Row
-from canid.values.types import NAN, Array, Columns
+from canid.values.types import Array, Columns
 
 # frames that a rate is of: less than a second of most messages, so that it follows a change
 FRAMES_OF_RATE = 32
@@ -30,6 +33,7 @@ class LastValues:
         self._decoder = decoder
         self._waiting: list[Columns] = []
         self._held = 0  # frames in it
+        self._time = RecordedTime()  # in which frames came
         self._times: dict[Key, deque[float]] = {}
         # of messages whose signals are in every frame: where they lie, and the last frame with its time
         self._places: dict[Key, tuple[Message, Sequence[Place] | None]] = {}
@@ -43,6 +47,7 @@ class LastValues:
         for chunk in chunks:
             self._waiting.append(chunk)
             self._held += len(chunk.t)
+            self._time = self._time.after(chunk.t)
         if self._held >= MAX_WAITING_FRAMES:
             self._read()
 
@@ -65,7 +70,11 @@ class LastValues:
         self._read()
         return [
             Row(
-                key[0].bus, f"{key[1]}.{signal.name}", signal.text, _rate(self._times[key]), max(now - t, 0.0)
+                key[0].bus,
+                f"{key[1]}.{signal.name}",
+                signal.text,
+                self._time.rate_of(np.array(self._times[key])),
+                max(now - t, 0.0),
             )
             for key in sorted({*self._frames, *self._signals})
             for t, signal in self._values(key)
@@ -118,8 +127,3 @@ class LastValues:
             self._rows += signal.name not in last
             newest = SignalColumn(column.t[-1:], column.value[-1:], column.raw[-1:])
             last[signal.name] = float(t[int(column.t[-1])]), decoded_signals(signal, newest)[0]
-
-
-def _rate(times: deque[float]) -> float:
-    span = times[-1] - times[0]
-    return (len(times) - 1) / span if span > 0.0 else NAN

@@ -12,13 +12,14 @@ from canid.analysis.contents import course, message_tally, signal_tally
 from canid.analysis.contents.binding import Binding, DbcFile, bind, databases
 from canid.analysis.contents.message_tally import Tally
 from canid.analysis.contents.signal_tally import SignalTally
+from canid.analysis.drive.recorded_time import RecordedTime
 from canid.analysis.drive.signal_columns import MessageFrames, MessageKey, by_message, rounds, with_messages
 from canid.io.logs import Log
 from canid.signals.dbc_text.parsing import Message, Signal
 from canid.signals.vehicle.database import carried
 from canid.signals.vehicle.transport_protocol import Transfers, groups_of
 from canid.values.log_contents import BusContents, LogContents
-from canid.values.types import Columns, Flag
+from canid.values.types import Array, Columns, Flag
 from canid.values.window import WHOLE, Window
 
 # ids of which a sample of frames is kept (0.5 kB to 16 kB each): complete vehicle networks have some 1000 on all buses
@@ -69,7 +70,7 @@ def survey(
     """
     asked = wanted or Wanted()
     buses: dict[int, Counter[str]] = {}
-    ends: list[float] = []
+    time = RecordedTime()
     tallies: dict[MessageKey, Tally] = {}
     signals: dict[MessageKey, list[SignalTally]] = {}
     bound: Binding | None = None
@@ -80,7 +81,7 @@ def survey(
     transfers: Transfers = {}
     for chunks in rounds(log, progress=progress):
         for chunk in chunks:
-            _count(chunk, asked, buses, ends)
+            time = time.after(_count(chunk, asked, buses))
         transfers, chunks = with_messages(transfers, chunks, groups)
         sorted_frames = by_message(chunks, within=asked.window)
         came.update(list(sorted_frames)[: max(MAX_IDS - len(came), 0)])
@@ -99,13 +100,13 @@ def survey(
                 signals_left_out += max(len(signals[key]) - room, 0)
                 signals[key] = signals[key][:room]
                 kept_signals += len(signals[key])
-            tallies[key] = message_tally.add(tallies.get(key), frames)
+            tallies[key] = message_tally.add(tallies.get(key), frames, time)
             if signals[key]:
                 kept[key] = frames
         if kept:
             newest = max(float(frames.t.max()) for frames in kept.values())
             if grid is None:
-                grid = course.grid(min(ends) if asked.window.is_whole else asked.window.begin)
+                grid = course.grid(time.first if asked.window.is_whole else asked.window.begin)
             for _ in range(course.doublings(grid, newest)):
                 grid = grid._replace(step=2.0 * grid.step)
                 for signal in (
@@ -116,7 +117,7 @@ def survey(
                 for signal in signals[key]:
                     signal_tally.add(signal, frames, grid)
     bound = bound or bind(files, ())
-    start, stop = (min(ends), max(ends)) if ends else (0.0, 0.0)
+    start, stop = (time.first, time.last) if buses else (0.0, 0.0)
     used = min(int((stop - grid.start) / grid.step) + 1, course.BUCKETS) if grid is not None else 0
     named = {key: bound.find(key) for key in tallies}
     messages = tuple(
@@ -128,13 +129,14 @@ def survey(
         start,
         stop,
         sum(counts["frames"] for counts in buses.values()),
-        tuple(_bus(bus, counts, stop - start) for bus, counts in sorted(buses.items())),
+        tuple(_bus(bus, counts, time) for bus, counts in sorted(buses.items())),
         messages,
         tuple(signal_tally.contents(signal, used, fields) for signal in seen),
         databases(bound, tallies),
         len(came),
         left_out,
         signals_left_out,
+        time.paused,
     )
 
 
@@ -162,13 +164,12 @@ def _signals(key: MessageKey, bound: Binding, asked: Wanted) -> list[SignalTally
     ]
 
 
-def _count(chunk: Columns, asked: Wanted, buses: dict[int, Counter[str]], ends: list[float]) -> None:
-    """Count a chunk's frames of all kinds, by bus; `ends`: their earliest and latest times."""
+def _count(chunk: Columns, asked: Wanted, buses: dict[int, Counter[str]]) -> Array:
+    """Count a chunk's frames of all kinds, by bus; their times."""
     inside = asked.window.holds(chunk.t)
-    if not inside.any():
-        return
     t = chunk.t[inside]
-    ends[:] = [min([*ends[:1], float(t.min())]), max([*ends[1:], float(t.max())])]
+    if not t.size:
+        return t
     bus, flags = chunk.bus[inside], chunk.flags[inside]
     data = np.where(flags & int(Flag.REMOTE), 0, chunk.length[inside])
     bits = 8 * data.astype(np.int64) + np.where(flags & int(Flag.EXTENDED), _EXTENDED_BITS, _FRAME_BITS)
@@ -187,15 +188,15 @@ def _count(chunk: Columns, asked: Wanted, buses: dict[int, Counter[str]], ends: 
         total = buses.setdefault(number, Counter())
         for name, count in counts.items():
             total[name] += int(count[k])
+    return t
 
 
-def _bus(bus: int, counts: Counter[str], duration: float) -> BusContents:
-    per_s = 1.0 / duration if duration > 0.0 else float("nan")
+def _bus(bus: int, counts: Counter[str], time: RecordedTime) -> BusContents:
     return BusContents(
         bus,
         counts["frames"],
-        counts["frames"] * per_s,
-        counts["bits"] * per_s,
+        time.rate(counts["frames"]),
+        time.rate(counts["bits"]),
         counts["errors"],
         counts["remote"],
         counts["fd"],

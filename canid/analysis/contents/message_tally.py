@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.analysis.contents import protection
+from canid.analysis.drive.recorded_time import RecordedTime
 from canid.analysis.drive.signal_columns import MessageFrames, MessageKey
 from canid.values.log_contents import MessageContents
 from canid.values.types import NAN
 
 MAX_BYTES = 64
+_UNPAUSED = RecordedTime()
 
 
 class Tally(NamedTuple):
@@ -22,7 +24,7 @@ class Tally(NamedTuple):
     frames: int
     first: float  # s
     last: float
-    step_sum: float  # s, of the times from frame to frame
+    step_sum: float  # s, of the times from frame to frame, without pauses of the whole log
     step_squares: float  # s²
     longest_gap: float  # s
     shortest: int  # bytes
@@ -35,8 +37,13 @@ class Tally(NamedTuple):
     sample: npt.NDArray[np.uint8]  # (k, bytes) of the first frames, all of one length
 
 
-def add(tally: Tally | None, frames: MessageFrames) -> Tally:
+def add(tally: Tally | None, frames: MessageFrames, time: RecordedTime = _UNPAUSED) -> Tally:
     """Take the next frames of a message; None: the first ones.
+
+    Args:
+        tally: of those before.
+        frames: of the message.
+        time: in which the log has frames, these included.
 
     Example:
         >>> data = np.array([[1, 0], [1, 1], [1, 1]], np.uint8)
@@ -56,7 +63,8 @@ def add(tally: Tally | None, frames: MessageFrames) -> Tally:
         before = t[:1]
     else:
         before = np.array([tally.last])
-    step = np.diff(np.concatenate([before, t]))
+    times = np.concatenate([before, t])
+    step = np.diff(time.without_pauses(times))
     changed = tally.changed.copy()
     changed[:width] |= np.bitwise_or.reduce(data ^ tally.first_data[:width], axis=0)
     differs = (data[1:] != data[:-1]).any(axis=1) | (length[1:] != length[:-1])
@@ -73,7 +81,7 @@ def add(tally: Tally | None, frames: MessageFrames) -> Tally:
         last=float(t[-1]),
         step_sum=tally.step_sum + float(step.sum()),
         step_squares=tally.step_squares + float(np.dot(step, step)),
-        longest_gap=max(tally.longest_gap, float(step.max())),
+        longest_gap=max(tally.longest_gap, float(np.diff(times).max())),
         shortest=min(tally.shortest, int(length.min())),
         longest=max(tally.longest, int(length.max())),
         changes=tally.changes + int(differs.sum()) + int(differs_first),

@@ -51,7 +51,7 @@ class ArmaxDrive(NamedTuple):
 
 
 class _Identified(NamedTuple):
-    duration: float  # s
+    duration: float  # s, from the first sample to the last, with pauses
     driver_time: float  # s that are usable, see `signals.signal_checks.drive_time`
     windows: tuple[Estimate, ...]
     whole: Mapping[str, WholeDrive | None]  # estimator -> its result over the whole drive; None: it has none
@@ -71,9 +71,14 @@ class _Identified(NamedTuple):
     def __repr__(self) -> str:
         name = self.ranked[0] if self.whole else "no estimator"
         prefix = f"{self.log}: " if self.log else ""
-        lines = [f"Identified({prefix}{self.duration:.0f} s, {self.driver_time:.0f} s usable, {name}"]
+        lines = [f"Identified({prefix}{self.recorded:.0f} s, {self.driver_time:.0f} s usable, {name}"]
         lines += [f"  {channel}: {estimate!r}" for channel, estimate in self.channels.items()]
         return "\n".join(lines) + ")"
+
+    @property
+    def recorded(self) -> float:
+        """`duration` without the pauses of the log, and between episodes, s."""
+        return min(self.duration, self.time.total) if self.time.total else self.duration
 
     @property
     def ranked(self) -> list[str]:

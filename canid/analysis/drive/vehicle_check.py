@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from canid.analysis.drive import identification_verdict
 from canid.analysis.drive.drive_parameters import whole_drive
+from canid.analysis.drive.recorded_time import RecordedTime
 from canid.analysis.drive.signal_columns import NO_DATA
 from canid.models.pipeline import pipeline
-from canid.signals.samples import sampling_grid, session_clock, trace_assembly
+from canid.signals.samples import session_clock, trace_assembly
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import of_trace, too_short
 from canid.signals.signal_checks.output_scale import OutputScale, output_scale
@@ -92,7 +93,7 @@ class Check(NamedTuple):
     output: str = ""  # role that the driver acts by
     output_scale: OutputScale | None = None  # of a pedal, as `identify` judges it
     apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
-    paused: float = 0.0  # s of `duration` in which no frame came; rates are those of the rest
+    paused: float = 0.0  # s of `duration` in which no frame came; rates and shares are those of the rest
 
 
 class Contents(NamedTuple):
@@ -102,28 +103,6 @@ class Contents(NamedTuple):
     duration: float  # s
     apart: Mapping[str, int] = {}  # "error", "remote" -> frames, whose id is that of no message
     paused: float = 0.0  # s of `duration` in which no frame came
-
-
-class _Span(NamedTuple):
-    """What the frames of a log last, in session time."""
-
-    first: float = 0.0  # s
-    last: float = 0.0  # s
-    paused: float = 0.0  # s in between without any frame
-
-    def after(self, t: Array) -> _Span:
-        """With some more frames.
-
-        Example:
-            >>> _Span().after(np.array([0.0, 1.0])).after(np.array([61.0]))
-            _Span(first=0.0, last=61.0, paused=60.0)
-        """
-        if not t.size:
-            return self
-        steps = np.diff(np.maximum.accumulate(np.concatenate([[self.last], t])))
-        # the grid leaves out what is silent for so long
-        paused = self.paused + float(steps[steps > sampling_grid.MAX_PAUSE_S].sum())
-        return _Span(min(self.first, float(t.min())), max(self.last, float(t.max())), paused)
 
 
 def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None = None) -> Contents:
@@ -137,7 +116,7 @@ def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None 
     """
     counts: Counter[tuple[int, int, int]] = Counter()
     apart: Counter[str] = Counter()
-    clock, span = session_clock.init(), _Span()
+    clock, span = session_clock.init(), RecordedTime(0.0, 0.0)
     for chunk in chunks:
         counts.update(_counted(chunk))
         apart.update(_apart(chunk))
@@ -145,7 +124,7 @@ def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None 
         span = span.after(timed.frames.t)
         if on_time is not None:
             on_time(span.last)
-    return Contents(dict(counts), span.last - span.first, dict(apart), span.paused)
+    return Contents(dict(counts), span.duration, dict(apart), span.paused)
 
 
 def _apart(chunk: Columns) -> dict[str, int]:
@@ -199,7 +178,8 @@ def check(
     samples: list[Sample] = []
     reports: list[SignalReport] = []
     events: list[Event] = []
-    span = _Span()
+    # a log's times are those since its first frame, a bus is listened to from 0 on
+    span = RecordedTime(0.0, 0.0)
     for chunk in chunks:
         for key, n in _counted(chunk).items():
             ids[key[:2]] += n
@@ -271,7 +251,7 @@ def check(
         problems += _unused(vehicle, summed, gates, tracks, in_path, whole=whole)
     if not problems and whole:
         problems += _withheld(trace, vehicle)
-    numbers = sum(ids.values()) + sum(apart.values()), span.last - span.first, dict(ids)
+    numbers = sum(ids.values()) + sum(apart.values()), span.duration, dict(ids)
     return Check(
         *numbers,
         rows,
@@ -352,15 +332,17 @@ def _maps(vehicle: Vehicle, id_: int) -> bool:
     return is_mapped(vehicle, id_, extended=True) or is_mapped(vehicle, id_, extended=False)
 
 
-def _row(role: str, vehicle: Vehicle, readings: Signal, span: _Span) -> Row:
+def _row(role: str, vehicle: Vehicle, readings: Signal, span: RecordedTime) -> Row:
     how = vehicle.roles[role]
     array = readings.value
     known = array[np.isfinite(array)]
     low, median, high = np.percentile(known, [0, 50, 100]) if known.size else (NAN, NAN, NAN)
     lost = 100.0 * (1 - known.size / array.size) if array.size else NAN
-    duration = span.last - span.first - span.paused
-    rate = array.size / duration if duration else NAN
-    longest, stale = _gaps(readings.t, (span.first, span.last), how.stale)
+    rate = span.rate(array.size)
+    longest, _ = _gaps(readings.t, (span.first, span.last), how.stale)
+    # of a silent log no role is to blame
+    begin, end = span.without_pauses(np.array([span.first, span.last])).tolist()
+    _, stale = _gaps(span.without_pauses(readings.t), (begin, end), how.stale)
     numbers = float(low), float(median), float(high)
     return Row(role, how.unit, how.where, array.size, rate, lost, *numbers, longest, stale)
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.analysis.drive.recorded_time import RecordedTime
 from canid.analysis.drive.signal_columns import (
     MessageFrames,
     MessageKey,
@@ -43,6 +44,7 @@ class LogColumns(NamedTuple):
     file_bus: tuple[int | None, ...]  # of each DBC: the bus that carries most of it; None: none does
     t: Array  # (n,) s, the raster
     kept: dict[tuple[str, str, int, bool], tuple[SignalColumn, Array] | None]  # decoded before
+    time: RecordedTime = RecordedTime()  # in which frames came
 
 
 def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | None = None) -> LogColumns:
@@ -63,8 +65,9 @@ def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | Non
         by_id.setdefault((key.id, key.extended), []).append(key)
         if key.extended:
             by_id.setdefault((-1 - pgn_of(key.id), True), []).append(key)
-    end = max((float(message_frames.t.max()) for message_frames in frames.values()), default=0.0)
-    start = min((float(message_frames.t.min()) for message_frames in frames.values()), default=0.0)
+    times = [message_frames.t for message_frames in frames.values()]
+    time = RecordedTime().after(np.sort(np.concatenate([[], *times])))
+    start, end = (time.first, time.last) if times else (0.0, 0.0)
     columns = LogColumns(
         frames,
         tuple(sorted({key.bus for key in frames})),
@@ -72,6 +75,7 @@ def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | Non
         (),
         np.arange(start, end + STEP_S / 2, STEP_S),
         {},
+        time,
     )
     return columns._replace(file_bus=tuple(_bus_of(file, columns) for file in files))
 

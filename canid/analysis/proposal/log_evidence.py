@@ -95,11 +95,10 @@ def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References)
     if most is not None and made.unit and len(finite) and float(np.percentile(np.abs(finite), 90)) > most:
         points, remarks = CONTRADICTS, [*remarks, "larger than it can be: is the DBC that of this car?"]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (math.nan, math.nan)
-    t = decoded[0].t
-    rate = (len(t) - 1) / (t[-1] - t[0]) if t[-1] > t[0] else 0.0
+    rate = columns.time.rate_of(decoded[0].t)
     if candidate.role in _DEAD_WHERE_STILL and known.accel is not None and low == high:
         points, remarks = CONTRADICTS, ["constant in the log, in which the speed changes: nobody sends it"]
-    return Seen(made, points, tuple(remarks), values, low, high, float(rate))
+    return Seen(made, points, tuple(remarks), values, low, high, rate if rate == rate else 0.0)
 
 
 def _any(candidate: Candidate, raw: Array, known: References) -> Judged:

@@ -55,7 +55,10 @@ def in_order(
         table = row_order.taken(table, order)
         note = f"{name}: {late:,} of {table.n:,} rows were not in the order of time; they were sorted"
         times = times_of(by_role, by, table, texts, name)
-    return times, table, note
+        columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
+    column = by_role[TIME].entry.names[0]
+    again = row_order.repeated(times.t, columns, f"{name}: {column}", says.counted)
+    return times._replace(note="; ".join(filter(None, (times.note, again)))), table, note
 
 
 def times_of(

@@ -16,6 +16,8 @@ _Order = npt.NDArray[np.int64]
 # share of the rows, and rows, that contradict another of the same time before they are taken for those of several drives:
 # an export may repeat a row with a digit rounded
 _CONTRADICTING_SHARE, _CONTRADICTING_ROWS = 0.01, 3
+# share of the rows from which on times that are repeated are said: two rows for each time
+_REPEATED_SHARE = 0.4
 # rows of a stretch in order, and its share that another one covers, from which two stretches with the same columns are two
 # drives whose times begin anew: loggers write buffers of some rows, which overlap a little
 _STRETCH_ROWS, _COVERED_SHARE = 50, 0.5
@@ -49,6 +51,34 @@ def taken(rows: Rows, order: _Order) -> Rows:
         {place: [column[k] for k in at] for place, column in rows.texts.items()},
         rows.n,
         rows.lines[order],
+    )
+
+
+def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str) -> str:
+    """A sentence where most rows have the time of the row before and another value of the same columns.
+
+    Args:
+        t: (n,) s, in order.
+        columns: (n,) each, measured values.
+        name: of the column of times.
+        remedy: what to do.
+
+    Example:
+        >>> t, value = np.repeat([0.0, 1.0], 5), np.arange(10.0)
+        >>> repeated(t, [value], "time", "")
+        'time: 8 of 10 rows have the time of the row before, and are not used: write fractions of a second'
+    """
+    again = np.diff(t) == 0.0
+    # rows of several messages that came at one time fill different columns
+    twice = np.zeros(len(again), bool)
+    for column in columns:
+        twice |= again & (column[1:] != column[:-1]) & np.isfinite(column[1:]) & np.isfinite(column[:-1])
+    n = int(twice.sum())
+    if n <= _REPEATED_SHARE * len(t):
+        return ""
+    return (
+        f"{name}: {n:,} of {len(t):,} rows have the time of the row before, and are not used: write fractions of a "
+        f"second{remedy}"
     )
 
 

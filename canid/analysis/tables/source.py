@@ -56,10 +56,10 @@ def number(text: str) -> float:
     """The number that a cell holds: EMPTY, NO_NUMBER, or NaN where it says so.
 
     Example:
-        >>> number(" 1.5 "), number(""), number("1.5 m") == NO_NUMBER, number("n/a")
-        (1.5, -4611686018427387904, True, nan)
+        >>> number(" 1.5 "), number(""), number("1.5 m") == NO_NUMBER, number("n/a"), number("\N{MINUS SIGN}1")
+        (1.5, -4611686018427387904, True, nan, -1.0)
     """
-    text = text.strip()
+    text = text.strip().replace("\N{MINUS SIGN}", "-")
     if not text:
         return EMPTY
     try:

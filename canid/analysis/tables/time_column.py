@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from canid.analysis.tables.source import EMPTY, NO_NUMBER
 from canid.analysis.tables.times import dates, row_clock
+from canid.signals.samples.clock_wraps import MAX_STEP_S
 from canid.values.errors import ConfigError
 from canid.values.types import NAN, Array
 
@@ -30,19 +31,22 @@ UNITS = {
 _NAMES = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
           "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "minutes": "min", "hours": "h",
           "days": "d"}  # fmt: skip
-# date numbers, days of a calendar: the values of 1950 to 2100 and that of 1970-01-01, of spreadsheets and of MATLAB
-_DATE_NUMBERS = ((18_264.0, 73_051.0, 25_569.0), (712_224.0, 767_011.0, 719_529.0))
-# steps as seconds that no table of a drive has, and as days the longest and shortest that one has, s
-_STEP_OF_DAYS = (2e-4, 1e-3, 60.0)
 # numbers from which on a time counts from 1970, by its unit; 2001 in s is 1e9, and no drive lasts 30 years
 _EPOCH_FROM = 1e9
 # a time whose steps are longer than this is taken to count in ms: nothing is identified from a value every 5 s
 _LONG_STEP = 5.0
+# a time with such steps, that spans less than 1, counts in days, as in spreadsheets: they are 10 ms and 4 s of a day, and
+# nothing is identified from less than a second
+_STEPS_OF_DAYS = 1.1e-7, 5e-5
+# date numbers of spreadsheets (days since 30 December 1899) and of MATLAB: those of 1950 and 2100, and of 1970
+_DATE_NUMBERS = ((18_264.0, 73_051.0, 25_569.0), (712_224.0, 767_011.0, 719_529.0))
 # s; a first row later than this is taken to be the first, so that --start and --stop count from it
 _LATE_START_S = 1.0
 _INTEGER = re.compile(r"-?\d{1,19}")
 # a zone at the end of a date
 _ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
+# a date and a time of day in digits alone
+_DIGITS = re.compile(r"(?P<date>(?:19|20)\d{6})[_T -]?(?P<time>\d{6}(?:[.,]\d+)?)(?P<zone>Z?)")
 # doubles hold whole numbers exactly up to here
 EXACT = 2.0**53
 
@@ -63,11 +67,13 @@ def is_text(sample: Sequence[str]) -> bool:
     Example:
         >>> is_text(["0.0", "0.1"]), is_text(["2018-08-02T15:34:47Z"]), is_text(["1533224087000000000"])
         (False, True, True)
+        >>> is_text(["20260502_080500"]), is_text(["20260502080500.125"])
+        (True, True)
     """
     for cell in sample:
         if cell:
             try:
-                return not abs(float(cell)) < EXACT
+                return bool(_DIGITS.fullmatch(cell)) or not abs(float(cell)) < EXACT
             except ValueError:
                 return True
     return False
@@ -108,32 +114,40 @@ def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = 
     if rate is not None:
         return _since(t, first, 1.0 / rate, None, "")
     note = ""
-    from_1970 = first
-    if unit in (None, "d") and (zero := _date_number(t)) is not None:
-        unit, from_1970, note = "d", first - zero, f"{name}: taken as date numbers, which count days"
+    if unit is None and (of_day := _of_digits(t)) is not None:
+        t, first, note = of_day, float(of_day[np.isfinite(of_day)][0]), f"{name}: times of day as hhmmss"
+        unit = "s"
     elif unit is None:
         unit, note = _judged(t, name)
     factor = UNITS[unit]
-    epoch = round(from_1970 * factor * 1e9) if from_1970 * factor >= _EPOCH_FROM else None
+    since_1970 = first * factor
+    if unit == "d":
+        # any other number of days has no date
+        zero = next((zero for least, most, zero in _DATE_NUMBERS if least < first < most), first)
+        since_1970 = (first - zero) * factor
+    epoch = round(since_1970 * 1e9) if since_1970 >= (_EPOCH_FROM if unit != "d" else 1.0) else None
     return _since(t, first, factor, epoch, note)
 
 
-def _date_number(t: Array) -> float | None:
-    """What 1970-01-01 is in the calendar of date numbers; None: the numbers are none.
+def _of_digits(t: Array) -> Array | None:
+    """Seconds of times of day as hhmmss.s, which jump by 40 at each full minute; None: they are none.
 
-    >>> _date_number(45_000.5 + np.arange(9) * 0.1 / 86_400), _date_number(45_000.5 + np.arange(9) * 0.1)
-    (25569.0, None)
+    Example:
+        >>> _of_digits(np.array([85959.5, 90000.0])).tolist(), _of_digits(np.array([59.5, 60.0]))
+        ([32399.5, 32400.0], None)
     """
     known = t[np.isfinite(t)]
-    steps = np.diff(np.sort(known))
-    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    longest, low, high = _STEP_OF_DAYS
-    if not (step < longest and low < step * UNITS["d"] < high):
+    if (
+        known.min() < 0.0
+        or known.max() >= 240_000.0
+        or (known % 100 >= 60.0).any()
+        or (known % 1e4 >= 6e3).any()
+    ):
         return None
-    for least, most, zero in _DATE_NUMBERS:
-        if least < known.min() and known.max() < most:
-            return zero
-    return None
+    of_day = t // 1e4 * 3600.0 + t // 100 % 100 * 60.0 + t % 100
+    steps, shown = np.diff(of_day[np.isfinite(t)]), np.diff(known)
+    at_minute = (shown >= 40.0) & (steps >= 0.0) & (steps <= MAX_STEP_S)
+    return of_day if at_minute.any() else None
 
 
 def _since(t: Array, first: float, factor: float, epoch: int | None, note: str) -> Times:
@@ -149,7 +163,7 @@ def judged_unit(values: Array) -> str:
         >>> judged_unit(np.array([1533224087200.0, 1533224087100.0]))
         'ms'
     """
-    return "d" if _date_number(values) is not None else _judged(np.sort(values), "")[0]
+    return _judged(np.sort(values), "")[0]
 
 
 def later(times: Times, rows: npt.NDArray[np.int64]) -> Times:
@@ -174,6 +188,11 @@ def _judged(t: Array, name: str) -> tuple[str, str]:
             return unit, ""
     steps = np.diff(known)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if _STEPS_OF_DAYS[0] < step < _STEPS_OF_DAYS[1] and np.ptp(known) < 1.0:
+        return (
+            "d",
+            f"{name}: steps of {step:.3g}: taken as days; state the unit as {name} [s] where that is wrong",
+        )
     if step > 1e6:
         return "ns", f"{name}: steps of {step:g}: taken as nanoseconds"
     if step > _LONG_STEP:
@@ -196,7 +215,7 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
     """
     first = next((text.strip() for text in texts if text.strip()), "")
     note = ""
-    if _INTEGER.fullmatch(first):
+    if _INTEGER.fullmatch(first) and not _DIGITS.fullmatch(first):
         ns = _large(texts, unit)
     else:
         ns = [_ns(text.strip()) for text in texts]
@@ -233,6 +252,8 @@ def _ns(text: str) -> int | None:
     of_day = dates.clock_ns(text)
     if of_day is not None:
         return of_day
+    if digits := _DIGITS.fullmatch(text):
+        text = f"{digits['date']}T{digits['time']}{digits['zone']}"
     try:
         stamp = datetime.fromisoformat(text.replace(" UTC", "Z").replace("/", "-"))
     except ValueError:

@@ -37,6 +37,8 @@ YAW_RATE_TIME_CONSTANT_S = 2.0
 # the lead as the radar reported it, as signals of their own: smoothing makes gap and range rate agree with each other,
 # and a frozen report move, so what is wrong with the radar itself can be seen in these alone
 REPORTED = {"gap": "gap_reported", "range_rate": "range_rate_reported"}
+# of a reading that says that a pause is over, in which no frame came
+PAUSE = "pause"
 
 
 class Settings(NamedTuple):
@@ -181,6 +183,8 @@ def step(state: State, reading: Reading | TrackReading, settings: Settings) -> t
             state = State(
                 tracks, target, serial, pending, valid, valid_at, yaw_rate, yaw_at, smooth, own_state, given
             )
+    elif role == PAUSE:
+        return _paused(state, settings, out)
     elif role == "yaw_rate" and value == value:
         passed = reading.t - state.yaw_at
         weight = 1.0 - exp(-passed / YAW_RATE_TIME_CONSTANT_S) if passed == passed else 1.0
@@ -242,6 +246,14 @@ def _lost(state: State, t: float, settings: Settings, valid: float = 0.0) -> tup
         out[-1] = Reading(at, "lead_valid", valid)
     smooth = smoothing.fresh(state.smooth)
     return state._replace(pending=NO_REPORT, smooth=smooth, target=-1, given=given), out
+
+
+def _paused(state: State, settings: Settings, out: Out) -> tuple[State, Out]:
+    """Give out what was being smoothed; behind the pause all begins anew but the numbers of the targets."""
+    points = smoothing.flush(state.smooth, settings.age)
+    out += _readings(points, state.serial)
+    given = points[-1].t if points else state.given
+    return State({}, serial=state.serial, smooth=smoothing.fresh(state.smooth), given=given), out
 
 
 def _follow(state: State, t: float, gap: float, rate: float, settings: Settings) -> tuple[State, Out]:

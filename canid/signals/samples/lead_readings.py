@@ -24,6 +24,7 @@ Ints = npt.NDArray[np.int64]
 LEAD_ROLES = frozenset(("gap", "range_rate", "lead_valid"))
 OWN_ROLES = frozenset(("speed",))
 PATH_ROLES = frozenset(("speed", "yaw_rate"))
+_NO_ROWS = np.zeros(0, np.int64)
 
 
 class Made(NamedTuple):
@@ -47,7 +48,7 @@ _Ordered = list[tuple[int, int, Reading]]
 
 
 def step(
-    state: lead.State, decoded: Decoded, chunk: Columns, settings: lead.Settings
+    state: lead.State, decoded: Decoded, chunk: Columns, settings: lead.Settings, pauses: Ints = _NO_ROWS
 ) -> tuple[lead.State, Following]:
     """Take a chunk's readings through `lead.step`.
 
@@ -56,11 +57,14 @@ def step(
         decoded: the chunk.
         chunk: in session time.
         settings: of the lead.
+        pauses: rows of the frames that come behind a pause.
     """
+    paused = RoleReadings(lead.PAUSE, pauses, np.zeros(len(pauses)))
     if settings.from_tracks:
-        return _by_tracks(state, decoded, chunk, settings)
+        return _by_tracks(state, decoded, chunk, settings, paused)
     relevant = [readings for readings in decoded.roles if readings.role in LEAD_ROLES | OWN_ROLES]
-    ordered = _readings(relevant, chunk)
+    # before all that its frame holds, and behind the end of the report before it
+    ordered = _readings([paused, *relevant], chunk)
     ordered += _ends_of_reports(decoded, chunk, state.pending[0])
     passed = tuple(readings for readings in decoded.roles if readings.role not in LEAD_ROLES)
     passed += tuple(
@@ -117,10 +121,10 @@ _One = tuple[int, float, int, tuple[float, float, float], bool, bool, int]
 
 
 def _by_tracks(
-    state: lead.State, decoded: Decoded, chunk: Columns, settings: lead.Settings
+    state: lead.State, decoded: Decoded, chunk: Columns, settings: lead.Settings, paused: RoleReadings
 ) -> tuple[lead.State, Following]:
     """The lead among radar tracks: reports that say nothing, most of a radar's, are taken together."""
-    path = [readings for readings in decoded.roles if readings.role in PATH_ROLES]
+    path = [paused, *(readings for readings in decoded.roles if readings.role in PATH_ROLES)]
     reports = _in_order(path, decoded, chunk)
     made = _Made(defaultdict(list), [])
     latest = np.maximum.accumulate(reports.t)

@@ -10,6 +10,7 @@ import numpy as np
 
 from canid.mathematics.identification import output_limits
 from canid.signals.samples.limited_values import AT_LIMIT
+from canid.signals.samples.sampling_grid import MAX_PAUSE_S
 from canid.values.output_role import output_role
 from canid.values.roles import assistant_of
 from canid.values.types import NAN, Driver, LearnGate, Sample, Trace
@@ -52,6 +53,7 @@ class State(NamedTuple):
     departing: float = NAN  # s, since when the lead has been departing
     free: bool = False  # the lead is not followed
     limits: output_limits.State = output_limits.init()  # of the output, as its samples have shown them
+    begun: bool = False  # the signals have come since the begin or the latest pause
 
 
 def init() -> State:
@@ -167,6 +169,9 @@ def step(
         ('BRAKE', False)
     """
     values = {**values, "headway": headway(values)}
+    if t - state.t > MAX_PAUSE_S - dt:
+        # begun anew, as a drive: who drives and what is ahead was so before the first sample
+        state = State(t=state.t, segment=state.segment, limits=state.limits)
     if driver.task == "car_following":
         state = _distance(state, t, values, driver)
     gate = judge(state, values, driver)
@@ -192,7 +197,9 @@ def step(
     if changed or swapped or t - state.t > 1.5 * dt:
         segment += 1
     opens = state.opens
-    if gate is not LearnGate.OPEN or swapped:
+    # what has not come yet was not lost
+    begun = state.begun or gate is not LearnGate.STALE
+    if (gate is not LearnGate.OPEN and begun) or swapped:
         opens = t + RECOVERY_S.get(gate, DEFAULT_RECOVERY_S)
         # a brief gate right after a long one does not cut the long one's recovery short
         opens = max(opens, state.opens)
@@ -208,6 +215,7 @@ def step(
         state.departing,
         state.free,
         state.limits,
+        begun,
     )
     # who brakes with the pedal pressed says nothing of his demand; a released pedal does
     released = gate in (LearnGate.PEDAL_FLOOR, LearnGate.BRAKE) and output <= PEDAL_FLOOR_PERCENT

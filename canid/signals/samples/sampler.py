@@ -186,7 +186,9 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
     if settings.lead is not None:
-        following, followed = lead_readings.step(following, decoded, frames, settings.lead)
+        following, followed = lead_readings.step(
+            following, decoded, frames, settings.lead, sampling_grid.pauses(state.grid, timed.latest)
+        )
         passed, made = followed.passed, followed.made
         events += followed.events
         if settings.lead.from_tracks:

@@ -10,6 +10,7 @@ With `Instants` the grid consists of the instants at which one role is updated, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -29,12 +30,12 @@ MAX_WAIT_S = 2.4
 READINGS_KEPT = 480
 # readings of a role from which on it is worth while to drop what is no longer needed
 MIN_TRIMMED = 256
-# s; grid points before the first reading of every needed role are left out, but for no longer than this: a
-# signal that is still missing then is missing
+# s; grid points before the first reading of every needed role are left out, at the begin and behind a pause, but for no
+# longer than this: a signal that is still missing then is missing
 MAX_START_S = 1.0
 # s; times are whole nanoseconds: half of one keeps the point at a block's start on its side
 ROUNDING_S = 5e-10
-# s; after a pause longer than this the grid goes on behind the pause: nothing is known inside it
+# s; without a frame for longer than this the samples end, and begin anew behind the pause as at the drive's begin
 MAX_PAUSE_S = 10.0
 
 Ints = npt.NDArray[np.int64]
@@ -80,6 +81,7 @@ class State(NamedTuple):
     next: int = 0  # index of the next grid point
     frames: int = 0  # that have come
     latest: float = 0.0  # s, session time of the newest
+    begin: float = 0.0  # s, session time of the first frame behind the latest pause
 
 
 class Points(NamedTuple):
@@ -126,6 +128,20 @@ def put(state: State, readings: Mapping[str, Readings]) -> State:
     return state._replace(kept=kept)
 
 
+def pauses(state: State, latest: Array) -> Ints:
+    """Which of some more frames come behind a pause; the first of a part of a log does, too.
+
+    Args:
+        state: before them.
+        latest: (n,) s, session time of the newest frame, at each frame.
+
+    Example:
+        >>> pauses(init(), np.array([0.0, 0.1, 15.0]))
+        array([2])
+    """
+    return np.flatnonzero(np.diff(latest, prepend=state.latest) > MAX_PAUSE_S)
+
+
 def _later(t: Array, newest: float) -> npt.NDArray[np.bool_] | None:
     """Which times are later than all before them; None: all are."""
     later = np.empty(len(t), bool)
@@ -165,24 +181,29 @@ def take(
         return state._replace(frames=after[0], latest=after[1]), []
     state = state._replace(kept={role: _joined(kept) for role, kept in state.kept.items()})
     out = []
-    # where the time jumps, the grid may go on behind the pause; in between it cannot fall so far back
-    step = np.diff(latest, prepend=state.latest)
-    jumps = np.flatnonzero(step > max(MAX_PAUSE_S - MAX_WAIT_S - 2 * dt, 0.0)).tolist()
-    for begin, end in zip([0, *jumps], [*jumps, len(latest)], strict=True):
-        if begin == end:
-            continue
-        index = state.next
-        if latest[begin] - index * dt > MAX_PAUSE_S:
-            index = int((latest[begin] - MAX_WAIT_S) / dt)
-        k = np.arange(index, int(latest[end - 1] / dt) + 2)
+    jumps = pauses(state, latest).tolist()
+    ends = [*jumps, len(latest)]
+    for part, (begin, end) in enumerate(zip([0, *jumps], ends, strict=True)):
+        if part:
+            state = state._replace(
+                next=math.ceil(latest[begin] / dt - ROUNDING_S), begin=float(latest[begin])
+            )
+        newest = float(latest[end - 1]) if end else state.latest
+        k = np.arange(state.next, int(newest / dt) + 2)
         k, t = _points_of(k, dt, grid)
-        k, t = k[t <= latest[end - 1]], t[t <= latest[end - 1]]
+        k, t = k[t <= newest], t[t <= newest]
         frame = _completed_by(state, t, latest[begin:end], state.frames + begin, roles, dt)
-        n = int(np.searchsorted(frame, state.frames + end))
-        state = state._replace(next=int(k[n - 1]) + 1 if n else index)
+        if end < len(latest):
+            # no reading after it will come
+            frame = np.minimum(frame, state.frames + end)
+            n = len(frame)
+        else:
+            n = int(np.searchsorted(frame, state.frames + end))
         if n:
+            state = state._replace(next=int(k[n - 1]) + 1)
             with np.errstate(all="ignore"):
-                out.append(_points(state, t[:n], frame[:n], roles, _kinds(k[:n] * dt, grid), dt))
+                kinds = _kinds(np.multiply(k[:n], dt, dtype=np.float64), grid)
+                out.append(_points(state, t[:n], frame[:n], roles, kinds, dt))
     return _trimmed(state, dt, roles)._replace(frames=after[0], latest=after[1]), out
 
 
@@ -267,9 +288,10 @@ def _points(
         elif how.smooth:
             values[role], variances[role] = _smooth(readings, t, come, values[role], how.smooth)
         if how.needed:
-            oldest = np.minimum(np.maximum(first, 0), len(readings.t))
-            begun &= (come > 0) & (np.append(readings.t, np.inf)[oldest] <= t)
-    some = (t >= MAX_START_S) | begun
+            of_part = np.searchsorted(readings.t, state.begin)
+            oldest = np.minimum(np.maximum(first, of_part), len(readings.t))
+            begun &= (come > of_part) & (np.append(readings.t, np.inf)[oldest] <= t)
+    some = (t >= state.begin + MAX_START_S) | begun
     if some.all():
         return Points(t, frame, values, variances)
     return Points(

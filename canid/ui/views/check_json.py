@@ -40,6 +40,7 @@ class CheckedVehicle(NamedTuple):
     unmapped: tuple[Unmapped, ...]
     output_scale: OutputScale | None = None  # of a pedal
     apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
+    paused: float = 0.0  # s of `duration` in which no frame came
 
 
 class Id(NamedTuple):
@@ -58,6 +59,7 @@ class Ids(NamedTuple):
     duration: float  # s
     ids: tuple[Id, ...]
     apart: Mapping[str, int] = {}  # "error", "remote" -> frames, which are in `frames` and in no id
+    paused: float = 0.0  # s of `duration` in which no frame came
 
 
 class VehicleAlone(NamedTuple):
@@ -91,6 +93,7 @@ def checked(made: Check) -> CheckedVehicle:
         tuple(Unmapped(*row) for row in made.unmapped),
         made.output_scale,
         made.apart,
+        made.paused,
     )
 
 
@@ -98,4 +101,5 @@ def ids(contents: Contents) -> Ids:
     """The ids of a log."""
     rows = tuple(Id(*key, n) for key, n in sorted(contents.frames.items()))
     apart = contents.apart
-    return Ids(sum(row.frames for row in rows) + sum(apart.values()), contents.duration, rows, apart)
+    frames = sum(row.frames for row in rows) + sum(apart.values())
+    return Ids(frames, contents.duration, rows, apart, contents.paused)

@@ -88,7 +88,7 @@ def notebook(result: Identified) -> str:
     output = result.drive_summary.output
     said = verdict(result, output)
     about = (
-        f"{result.log or 'drive'}: {number(result.driver_time, 's')} usable of {number(result.duration, 's')}"
+        f"{result.log or 'drive'}: {number(result.driver_time, 's')} usable of {number(result.recorded, 's')}"
     )
     findings = doc.Listing([said.withheld, said.scale, *(finding.says for finding in result.findings)])
     return fragment(said.title, about, channel_table(result.channels, output), _gains(result), findings)

@@ -84,8 +84,9 @@ def format_start(start_utc: float) -> str:
 
 def _head(contents: LogContents, head: Head) -> list[str]:
     ids = contents.ids
+    paused = f" of which {number(contents.paused, 's')} without any frame" if contents.paused else ""
     out = [
-        f"{head.path}: {head.format}, {format_start(head.start_utc)}, {number(contents.duration, 's')}, "
+        f"{head.path}: {head.format}, {format_start(head.start_utc)}, {number(contents.duration, 's')}{paused}, "
         f"{contents.frames:,} frames, {ids:,} id{'s' * (ids != 1)}"
     ]
     if head.interfaces:

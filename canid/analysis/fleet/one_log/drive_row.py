@@ -42,7 +42,7 @@ def identified_columns(identified: Identified, vehicle: Vehicle) -> Row:
     output = summary.output or vehicle.driver.output
     joint = joint_estimate(identified)
     row: Row = {
-        "duration": number(identified.duration),
+        "duration": number(identified.recorded),
         "driving": number(time.driving),
         "behind_lead": number(time.behind_lead),
         "usable": number(time.usable),

@@ -160,7 +160,8 @@ class TextSource:
             if not as_written:
                 cells = list(map(self._plain, cells))
             try:
-                out[:, j] = list(map(float, cells))
+                # Python takes 2026_05 as a number
+                out[:, j] = list(map(number if any("_" in cell for cell in cells) else float, cells))
             except ValueError:
                 out[:, j] = [number(self._plain(cell)) for cell in cells]
         return out

@@ -1,0 +1,118 @@
+"""Numbers and times as spreadsheets and loggers write them are the same drive, or said to be none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from canid.analysis.tables.source import NO_NUMBER, number
+from canid.analysis.tables.table import open_table
+from tests.tables.test_times import _Drive, at, drive, last, opened
+
+_START = datetime(2026, 8, 5, 8, 58, 20, 500_000, tzinfo=UTC)
+_DAYS_TO_1970 = 25_569.0
+
+
+def _days(t: float) -> str:
+    """As a spreadsheet writes dates as numbers."""
+    return f"{(_START + timedelta(seconds=t)).timestamp() / 86_400.0 + _DAYS_TO_1970:.10f}"
+
+
+WRITTEN: dict[str, tuple[Callable[[float], str], bool]] = {
+    "hhmmss": (at("%H%M%S.%L", _START), False),
+    "yyyymmdd_hhmmss": (at("%Y%m%d_%H%M%S.%L", _START), True),
+    "yyyymmddhhmmss": (at("%Y%m%d%H%M%S.%L", _START), True),
+    "days since 1899": (_days, True),
+    "part of a day": (lambda t: f"{(8.5 * 3600.0 + t) / 86_400.0:.10f}", False),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_times(tmp_path: Path, name: str, seed: int) -> None:
+    """Four minutes over a full hour, with or without a date."""
+    rows = drive(seed)
+    written, dated = WRITTEN[name]
+    table = opened(tmp_path / "x.csv", "time", rows, written)
+    assert last(table) == pytest.approx(rows[-1][0], abs=2e-5)
+    chunks = np.concatenate([chunk.t for chunk in table.log.columns()])
+    assert np.abs(chunks - [t for t, _ in rows]).max() < 2e-5
+    assert (table.log.start_ns is not None) == dated
+    if table.log.start_ns is not None:
+        assert table.log.start_ns / 1e9 == pytest.approx(_START.timestamp(), abs=1e-4)
+
+
+def test_rows_of_microseconds_apart_are_no_days(tmp_path: Path) -> None:
+    """Messages in bursts, a row each: most steps are short, and the drive is not."""
+    lines = [
+        f"{0.1 * k + 1e-5 * i:.6f},{',' * i}{1.0 + k % 7}{',' * (3 - i)}"
+        for k in range(600)
+        for i in range(4)
+    ]
+    path = tmp_path / "x.csv"
+    path.write_text("time,speed,gap,range_rate,pedal\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    assert last(open_table(path)) == pytest.approx(59.9, abs=1e-3)
+
+
+def test_seconds_with_a_pause_are_no_hhmmss(tmp_path: Path, seed: int) -> None:
+    """59.9 s, and the next row at 100 s: of a clock of seconds some are between 60 and 100."""
+    rows = [(t, cells) for t, cells in drive(seed) if not 59.95 < t < 99.95]
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{t:.1f}")
+    assert last(table) == pytest.approx(rows[-1][0])
+
+
+def test_a_minus_of_typography_is_a_minus(tmp_path: Path, seed: int) -> None:
+    rows: _Drive = [(t, cells.replace("-", "\N{MINUS SIGN}")) for t, cells in drive(seed)]
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{t:.1f}")
+    plain = opened(tmp_path / "y.csv", "time", drive(seed), lambda t: f"{t:.1f}")
+    assert not [note for note in table.notes if "no unit is stated" not in note]
+    a, b = (np.concatenate([c.data for c in made.log.columns()]) for made in (table, plain))
+    assert (a == b).all()
+
+
+def test_dots_of_thousands_next_to_decimal_commas(tmp_path: Path, seed: int) -> None:
+    """A German export in ms: 1.000 is a thousand, also where the first 200 rows have none, and `Zeit` is the time."""
+    rows = drive(seed)
+    for first in (0, 700):
+        path = tmp_path / f"{first}.csv"
+        lines = [
+            ";".join([
+                f"{round(1e3 * t):,}".replace(",", ".") if k >= first else str(round(1e3 * t)),
+                *(cell.replace(".", ",") for cell in cells.split(",")),
+            ])
+            for k, (t, cells) in enumerate(rows)
+        ]  # fmt: skip
+        names = "Zeit;Geschwindigkeit;Abstand;Relativgeschwindigkeit;Fahrpedal\nms;m/s;m;m/s;%\n"
+        path.write_text(names + "\n".join(lines) + "\n", encoding="cp1252")
+        table = open_table(path)
+        assert last(table) == pytest.approx(rows[-1][0])
+        assert sum(len(chunk.t) for chunk in table.log.columns()) == len(rows)
+        assert not table.sorted
+
+
+def test_times_of_whole_seconds_are_said(tmp_path: Path, seed: int) -> None:
+    rows = drive(seed, 600)
+    table = opened(tmp_path / "x.csv", "time", rows, at("%H:%M:%S", _START))
+    assert any("539 of 600 rows have the time of the row before" in note for note in table.notes)
+    several = opened(tmp_path / "y.csv", "time", rows, lambda t: f"{t:.1f}")
+    assert not any("time of the row before" in note for note in several.notes)
+
+
+def test_infinite_cells_are_not_measured(tmp_path: Path, seed: int) -> None:
+    rows = [(t, cells if k % 50 > 3 else "25,inf,-inf,20") for k, (t, cells) in enumerate(drive(seed, 600))]
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{t:.1f}")
+    assert last(table) == pytest.approx(rows[-1][0])
+    assert not [note for note in table.notes if "no unit is stated" not in note]
+
+
+def test_digits_with_an_underscore_are_no_number(tmp_path: Path) -> None:
+    """Python reads 1_0 as 10."""
+    assert number("1_0") == NO_NUMBER
+    path = tmp_path / "x.csv"
+    lines = [f"{0.1 * k:.1f},2_0,30,0.1,20" for k in range(50)]
+    lines += [f"{0.1 * k:.1f},20,30,0.1,20" for k in range(50, 100)]
+    path.write_text("time,speed,gap,range_rate,pedal\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    assert any("50 of 100 cells hold no number" in note for note in open_table(path).notes)
