@@ -32,7 +32,7 @@ def own_data() -> canid.Trace:
     rng = np.random.default_rng(1)
     speed = 15.0 + 2.0 * np.sin(0.11 * t) + np.sin(0.37 * t + 1.0)
     range_rate = 1.2 * np.sin(0.23 * t) + 0.8 * np.sin(0.61 * t) + 0.4 * np.sin(1.3 * t)
-    gap = 30.0 + np.cumsum(range_rate) * 0.1
+    gap = 30.0 + 0.1 * (np.cumsum(range_rate) - 0.5 * range_rate)  # trapezoidal rule
     heard = np.interp(t - 0.5, t, 3.0 * (gap / speed - 2.0) + 6.0 * range_rate)
     pedal = np.zeros_like(t)
     noise = 0.0

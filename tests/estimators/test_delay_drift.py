@@ -1,4 +1,4 @@
-"""A dead time that drifts is found, as with a clock that runs off; gains and levels that wander are none."""
+"""A dead time that drifts is found, as with a clock that runs off; random walks of gains and offset are none."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ SECONDS, ROWS = 600, 5
 INPUTS = 2
 
 
-def parts(rng: np.random.Generator, ppm: float = 0.0, wander: float = 0.0) -> Array:
+def parts(rng: np.random.Generator, ppm: float = 0.0, walk: float = 0.0) -> Array:
     """(600, 8, 8) products of ten minutes: slopes of two gains, offset, two taus, two dead times; and the output.
 
     Args:
         rng: source of random numbers.
         ppm: drift of both dead times.
-        wander: sd of the random walks of gains and offset over the drive, in the noise of the output.
+        walk: sd of the random walks of gains and offset over the drive, in the noise of the output.
     """
     x = rng.standard_normal((SECONDS, ROWS, 7))
     # a lag is nearly a dead time
     x[:, :, 3:5] = 0.9 * x[:, :, 5:7] + 0.4 * x[:, :, 3:5]
-    walks = wander * np.cumsum(rng.standard_normal((SECONDS, 3)), axis=0) / SECONDS**0.5
+    walks = walk * np.cumsum(rng.standard_normal((SECONDS, 3)), axis=0) / SECONDS**0.5
     output = np.einsum("bri,bi->br", x[:, :, :3], 3.0 + walks)
     output += 1e-6 * ppm * np.arange(SECONDS)[:, None] * x[:, :, 5:7].sum(axis=2)
     output += rng.standard_normal((SECONDS, ROWS))
@@ -58,11 +58,11 @@ def test_a_drift_is_within_its_interval(seed: int) -> None:
         assert ("grow" if ppm > 0.0 else "fall") in delay_drift.says(found)
 
 
-@pytest.mark.parametrize("wander", [0.0, 1.0])
-def test_nothing_drifts_where_only_gains_and_levels_wander(wander: float, seed: int) -> None:
+@pytest.mark.parametrize("walk", [0.0, 1.0])
+def test_nothing_drifts_where_only_gains_and_levels_wander(walk: float, seed: int) -> None:
     """Of 100 drives none is beyond 3.9 standard deviations, and these are what they say."""
     rng = np.random.default_rng(seed)
-    z = np.array([one.rate / one.sd for one in (drift(parts(rng, wander=wander)) for _ in range(100))])
+    z = np.array([one.rate / one.sd for one in (drift(parts(rng, walk=walk)) for _ in range(100))])
     # chance of either: less than 1e-5, of normal numbers
     assert np.abs(z).max() < 5.0
     assert 0.6 < z.std() < 1.3

@@ -34,16 +34,18 @@ def following(seed: int, minutes: float = 4.0) -> Columns:
     n = round(minutes * 60.0 / DT)
     lead = 20.0 + 3.0 * smooth(n, 6.0, rng)
     own = 0.3 * smooth(n, 1.0, rng)
-    v, gap, a = lead[0], 2.0 * lead[0], 0.0
+    v, gap, a, before = lead[0], 2.0 * lead[0], 0.0, 0.0
     columns = {name: np.empty(n) for name in ("gap", "range_rate", "speed", "accel", "pedal")}
     for k in range(n):
         wanted = 0.15 * (gap - 2.0 * v) / 2.0 + 0.5 * (lead[k] - v) + own[k]
         a += DT / 0.5 * (wanted - a)
-        row = (gap, lead[k] - v, v, a, max(20.0 + 15.0 * a, 0.0))
+        # the speed's slope at the sample; gap and speed belong to its time, not to half a step later
+        row = (gap, lead[k] - v, v, 0.5 * (before + a), max(20.0 + 15.0 * a, 0.0))
         for column, value in zip(columns.values(), row, strict=True):
             column[k] = value
-        gap += (lead[k] - v) * DT
-        v += a * DT
+        faster = v + a * DT
+        gap += 0.5 * DT * (lead[k] - v + lead[min(k + 1, n - 1)] - faster)
+        v, before = faster, a
     columns["gnss_speed"] = columns["speed"] + 0.05 * rng.standard_normal(n)
     columns["wheel_speed"] = columns["speed"] + 0.02 * rng.standard_normal(n)
     for name, sd in (("gap", 0.15), ("range_rate", 0.08), ("speed", 0.02), ("accel", 0.05)):

@@ -35,7 +35,7 @@ SIGMAS = 3.7
 # (mathematics/identification/identifiability.py). On drives of two simulators a gap that is δ = 0.05 s late moved dead
 # times by 0.8 δ (6 drives); a range rate, to which the own speed is then added at the wrong time before the lead's is
 # smoothed, by 1.6 δ on average (18 drives, 0.2 to 6 δ). A bias of half a standard deviation costs 95 % intervals 3 %
-MAX_DELAY_S, MAX_RANGE_RATE_DELAY_S = 0.05, 0.01
+MAX_DELAY_S, MAX_RANGE_RATE_DELAY_S = 0.02, 0.01
 # degrees of freedom below which the formula for Student's t is more than 4 % off
 MIN_FREEDOM = 3.0
 # s; a quantity or a rate that is later than this moves gains as well. Of a gap K of range rate came out 5 % too large with
