@@ -11,6 +11,7 @@ Anderson & Moore 1979, ch. 7), with the gain that it settles to. The reports' no
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -81,7 +82,7 @@ def roughness(x: Array, order: int) -> float:
     if d.size < 10:
         return 0.0
     if np.median(np.abs(d)) <= STILL:
-        return movement_rhythm.step_size(x[np.isfinite(x)]) / 12.0**0.5
+        return movement_rhythm.step_size(x[np.isfinite(x)]) / math.sqrt(12.0)
     weight = {2: 6.0, 3: 20.0}[order]
     # the median: a jump to another target is no noise
     return float(np.median(np.abs(d)) / 0.6745 / np.sqrt(weight))
