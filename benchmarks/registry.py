@@ -276,6 +276,18 @@ BENCHMARKS = (
         "limits, rates, steps, lags, zeros and clocks in tables: coverage, what is withheld, named, and missed silently",
     ),
     Benchmark(
+        "sensor_causes",
+        "benchmarks.measurement_effects.causes",
+        "20 min",
+        "the same drives diagnosed: causes that are named in driver and car, where there is none",
+    ),
+    Benchmark(
+        "lane_ends",
+        "benchmarks.measurement_effects.lane_ends",
+        "5 min",
+        "a wheel at its lock, by rate: locks found, gains that hold, false causes",
+    ),
+    Benchmark(
         "acceleration_slope",
         "benchmarks.measurement_effects.slope",
         "10 min",

@@ -28,6 +28,18 @@ def smoothed(of: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Lagged:
     return lagged(*of, new, 10, DT)
 
 
+def test_coarse_steps_have_the_noise_of_rounding() -> None:
+    """A gap that stands still between steps of 2 m, or a range rate between steps of 0.25 m/s, is as good as is stated."""
+    gap, rate, speed = reports(3600, 3)
+    t = DT * np.arange(3600)
+    truth = 0.8 * np.sin(0.4 * t) + 0.4 * np.sin(1.1 * t + 1)
+    for known in (
+        smoothed((2.0 * np.round(gap / 2.0), rate, speed)),
+        smoothed((gap, 0.25 * np.round(truth / 0.25), speed)),
+    ):
+        assert np.std(known.range_rate[:, 0] - truth) < 1.5 * known.range_rate_sd[0]
+
+
 def test_nothing_later_than_now_enters() -> None:
     """Reports after t change no estimate at t, apart from the noise level, which is estimated from all reports."""
     before = reports(3600, 3)

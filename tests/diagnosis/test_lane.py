@@ -15,9 +15,12 @@ from canid.models.diagnosis.lane.lane_fit import FittedLane
 from canid.models.diagnosis.lane.lane_model import LaneData, polynomial, prepare, steered, with_effects
 from canid.models.effects import LANE_CATALOGUE
 from canid.models.simulation import Steering, simulate
+from canid.signals.samples.learning_gate import with_limits
 from canid.values.findings import Report, Verdict
-from canid.values.types import Array, LearnGate, Trace
+from canid.values.types import QUOTED, Array, LearnGate, Trace
+from tests.plants import lane_two
 from tests.plants.lane_drives import CLEAN, EFFECTS, LaneDrive, make
+from tests.plants.lane_measurement import rounded
 from tests.seeds import mostly
 
 BY_ID = {effect.id: effect for effect in LANE_CATALOGUE}
@@ -143,6 +146,23 @@ def test_clean_drives_stay_clean(seed: int) -> None:
     assert sum(bool(standing(one)) for one in reports) <= 2, [one.says for one in reports if standing(one)]
     unexplained = [one.says for one in reports if one.verdict is Verdict.UNEXPLAINED]
     assert len(unexplained) <= 4, unexplained
+
+
+@pytest.mark.slow("diagnoses planted drives")
+@pytest.mark.parametrize(("share", "lock"), [(0.05, (-3.0, 1.9)), (0.25, (-2.1, 1.1))])
+def test_a_wheel_at_its_lock_is_no_attention_gap(share: float, lock: tuple[float, float]) -> None:
+    """Sampled at 20 Hz in steps of 0.1°: both locks are found, no cause is named, and no gain is quoted."""
+    drive = lane_two.plant({}, seed=1, minutes=10.0, noise="slow", curves=3e-4, lock=lock)
+    columns = {name: x[::5] for name, x in drive.columns.items()}
+    columns["steering_angle"] = rounded(columns["steering_angle"], 0.1)
+    trace = canid.from_arrays(time=columns.pop("t"), task="lane_keeping", **columns)
+    at = np.array([gate is LearnGate.OUTPUT_LIMIT for gate in with_limits(trace).gate])
+    assert at.mean() > 0.8 * share
+    assert {round(y, 9) for y in trace.output[at].tolist()} == set(lock)
+    report = canid.diagnose(trace)
+    assert [finding.effect for finding in report.findings] == []
+    assert not QUOTED[report.extended.channels["lateral_offset"].status]
+    assert "at its lock" in " ".join(block.says for block in report.blocks)
 
 
 @pytest.mark.slow("diagnoses planted drives")

@@ -11,10 +11,12 @@ Anderson & Moore 1979, ch. 7), with the gain that it settles to. The reports' no
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from canid.mathematics.identification import movement_rhythm
 from canid.values.types import Array
 
 # (m/s³)²·s; what lies between a calm motorway and brisk town traffic is tried, and the likeliest taken
@@ -25,6 +27,8 @@ JERK_SAMPLES = 3000
 SETTLING_STEPS, SETTLED_CHANGE = 400, 1e-12
 # least noise: one step of a fine resolution
 QUIETEST_GAP, QUIETEST_RATE = 0.02, 0.005
+# m and m/s; differences below it are those of interpolating between equal readings
+STILL = 1e-9
 # m; the noise of a position that nobody reports
 UNREPORTED_SD_M = 1e4
 
@@ -63,17 +67,22 @@ def roughness(x: Array, order: int) -> float:
     """Standard deviation of the white noise on a smooth signal, from its differences of some order.
 
     The variance of a difference of order m of white noise is binom(2m, m) times its own; a smooth motion leaves
-    nothing in it.
+    nothing in it. Of a signal that mostly stands still between its steps it is that of rounding, a twelfth of the squared
+    step (Widrow & Kollar 2008), which no median shows.
 
     Example:
         >>> x = np.random.default_rng(1).normal(0, 0.5, 20_000)
         >>> round(roughness(np.arange(20_000) * 0.3 + x, 3), 2)
         0.5
+        >>> round(roughness(np.round(np.sin(np.arange(2000) / 100) * 10), 3), 2)
+        0.29
     """
     d = np.diff(x, order)
     d = d[np.isfinite(d)]
     if d.size < 10:
         return 0.0
+    if np.median(np.abs(d)) <= STILL:
+        return movement_rhythm.step_size(x[np.isfinite(x)]) / math.sqrt(12.0)
     weight = {2: 6.0, 3: 20.0}[order]
     # the median: a jump to another target is no noise
     return float(np.median(np.abs(d)) / 0.6745 / np.sqrt(weight))

@@ -14,7 +14,7 @@ from canid.models.diagnosis.report import nothing, report
 from canid.models.diagnosis.several_drives import shared_car
 from canid.models.diagnosis.several_drives.joined_drives import join
 from canid.models.effects import CATALOGUE, LANE_CATALOGUE
-from canid.models.effects.effect import Effect
+from canid.models.effects.effect import Detector, Effect
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
 from canid.signals.signal_checks.output_ends import reached
 from canid.signals.signal_checks.whole_drive_limits import with_limits
@@ -61,11 +61,20 @@ def diagnose(
         settings = Settings(LANE_CATALOGUE if catalogue is None else catalogue, minimum, progress)
         context = lane_keeping.context(trace)
     else:
-        settings = Settings(CATALOGUE if catalogue is None else catalogue, minimum, progress, rivals)
+        every = CATALOGUE if catalogue is None else catalogue
+        settings = Settings(_shown_by(trace, every), minimum, progress, rivals)
         context = corrections.diagnose_context(trace, settings.catalogue)
     report = _diagnosed(trace, context, settings)._replace(signals=trace.findings, time=of_trace(trace))
     report = report._replace(steps=(*(f"{capitalised(end.says)}." for end in reached(trace)), *report.steps))
     return _arbitrated(report, [trace], estimators or {}) if arbitrated else report
+
+
+def _shown_by(trace: Trace, catalogue: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Effects that this output can show: one that is itself updated slowly shows no holds and no rhythm of the driver's."""
+    if all(finding.name != "output_slow" for finding in trace.findings):
+        return catalogue
+    still = {Detector.PEDAL_HOLDS, Detector.PEDAL_RHYTHM}
+    return tuple(effect for effect in catalogue if not still & set(effect.detectors))
 
 
 def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str, Any]) -> Report:

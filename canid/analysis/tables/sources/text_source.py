@@ -163,7 +163,7 @@ class TextSource:
                 # Python takes 2026_05 as a number
                 out[:, j] = list(map(number if any("_" in cell for cell in cells) else float, cells))
             except ValueError:
-                out[:, j] = [number(self._plain(cell)) for cell in cells]
+                out[:, j] = list(map(number, map(self._plain, cells) if as_written else cells))
         return out
 
 

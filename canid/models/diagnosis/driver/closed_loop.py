@@ -103,8 +103,8 @@ def simulate(
         vehicle: what was found of the car, on its own grid.
 
     Returns:
-        gap and speed; () where the output is neither pedal nor acceleration, no car was fitted, or no stretch is long
-        enough.
+        gap and speed; () where the output is neither pedal nor acceleration, no car was fitted, no stretch is long
+        enough, or a cause is not in the model of every fold.
     """
     dt, n = data.output.dt, trace.t.size
     if role not in (PEDAL, ACCEL) or (role == PEDAL and vehicle.cars is None):
@@ -114,7 +114,8 @@ def simulate(
     for start, stop in (span for episodes in held for span in episodes.episodes):
         usable[start:stop] = True
     where = stretches(usable & ~_after_brake(brake, dt), dt)
-    if not where:
+    # a fold whose data show nothing of a cause has a model without it
+    if not where or len({fold.extended.q.size for fold in folds}) > 1:
         return ()
     cars: tuple[Car | None, Car | None] = (None, None)
     if vehicle.cars is not None and role == PEDAL:

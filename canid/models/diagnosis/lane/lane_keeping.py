@@ -32,7 +32,7 @@ NO_ANSWER = (
     "the wheel answers the lateral offset by no more than chance: is it the right signal, and does a person steer? "
     "If so, drive longer"
 )
-AT_LOCK = "the wheel is at its lock for part of the time: no gain or delay is quoted, steer within its range"
+AT_LOCK = "The wheel is at its lock for part of the time: no gain or delay is quoted, steer within its range"
 NO_SENSING = Blocked("sensing", "not_testable", "Nothing is redundant with a lateral offset.")
 NO_VEHICLE = Blocked("vehicle", "not_testable", "How the car answers the wheel is not diagnosed.")
 NO_REMNANT = Blocked("remnant", "not_testable", "The noise of a driver who keeps the lane is not diagnosed.")
