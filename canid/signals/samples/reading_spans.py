@@ -135,22 +135,20 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
 
 
 def usual_interval(intervals: Array) -> float:
-    """Root mean square of the interval that an instant lies in, without pauses, s.
+    """Mean length of the interval that an instant lies in (length-biased; Cox 1962), without pauses, s.
 
-    Between readings `d` apart a line is a mean over both of them, of variance d²/6 s² on average over its instants. So what
-    counts is the mean of d² over time, the sum of d³ over that of d, and not the interval of most readings: where half of
-    the readings of 10 Hz were lost, half of the intervals are 0.1 s, and lines are as long as those of 2.8 Hz.
+    Samples are more often in the long intervals than in the short ones: where half of the readings of 10 Hz were lost, half
+    of the intervals are 0.1 s, and the usual sample is on a line of 0.26 s.
 
     Args:
         intervals: (n,) s, between new values.
 
     Example:
-        >>> lost = np.random.default_rng(1).geometric(0.5, 10_000)
-        >>> round(usual_interval(np.full(9, 0.2)), 2), round(usual_interval(0.1 * lost), 2)
-        (0.2, 0.33)
+        >>> round(usual_interval(np.array([0.1, 0.1, 0.1, 0.1, 0.1, 0.5])), 2)
+        0.3
     """
     joined = intervals[intervals <= max(MAX_JOINED_S, PAUSE_FACTOR * float(np.median(intervals)))]
-    return float(np.sqrt((joined**3).sum() / joined.sum()))
+    return float(joined @ joined / joined.sum())
 
 
 def _held(t: Array, value: Array, changed: npt.NDArray[np.int64]) -> float:
