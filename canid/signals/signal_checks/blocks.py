@@ -182,7 +182,7 @@ def at_end(before: AtEnd, values: Array) -> AtEnd:
         )
     )
     # 0 is where a motion rests
-    ends = ((values == lowest) | (values == highest)) & (values != 0.0) & (lowest < highest)
+    ends = ((values == lowest) | (values == highest)) & (values != 0.0)
     same = (values[1:] == values[:-1]) & ends[1:]
     stands = int(np.count_nonzero(same)) >= END_SAMPLES - 1
     return AtEnd(lowest, highest, before.blocks + 1 if stands else 0)

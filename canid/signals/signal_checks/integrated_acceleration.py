@@ -59,7 +59,8 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
     values = block.values[:, ACCEL]
     rise, fall = integrals(values, block.dt)
     ends = at_end(state.ends, values)
-    limited = ends.may_be_limited or state.ends.may_be_limited
+    # what stands there for as long as what is judged is dead
+    limited = any(0 < each.blocks <= KEPT for each in (ends, state.ends))
     # at standstill nothing is compared
     compared = block.joined and state.last_speed == state.last_speed and not limited
     if compared and max(speed, state.last_speed) > 0.5:
