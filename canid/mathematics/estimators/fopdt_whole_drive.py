@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from canid.mathematics.estimators import delay_drift, step_watch
-from canid.mathematics.estimators.delay_drift import DelayDrift
+from canid.mathematics.estimators import dead_time_trend, step_watch
+from canid.mathematics.estimators.dead_time_trend import DeadTimeTrend
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification import feedback_bias, local_level
 from canid.mathematics.identification.confidence import MISS
@@ -69,7 +69,7 @@ class OverTime(NamedTuple):
     visible: float = (
         NAN  # least factor of both gains that `VISIBLE_S` would have shown; NaN: none, or not known
     )
-    drift: DelayDrift | None = None  # of the dead times; None: gains change, or the drive is too short
+    drift: DeadTimeTrend | None = None  # of the dead times; None: gains change, or the drive is too short
 
 
 class Fitting(NamedTuple):
@@ -149,7 +149,7 @@ def over_time(trace: Trace, fit: ProcessFit, how: Fitting) -> OverTime:
         blocks = of_own if of_own is not None else blocks
     visible, drift = NAN, None
     if not cuts:
-        drift = delay_drift.fit(blocks.parts, len(trace.input_names), blocks.end)
+        drift = dead_time_trend.fit(blocks.parts, len(trace.input_names), blocks.end)
         how_sure = (step_watch.ALARM, VISIBLE_S, blocks.level)
         visible = gain_segments.visible_factor(
             blocks.parts, blocks.used, blocks.columns, at.K, at.size, *how_sure
@@ -295,8 +295,8 @@ def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
             for c in course.constancy
         ],
     }
-    if drifts := delay_drift.says(course.drift):
-        details["delay_drift"] = drifts
+    if drifts := dead_time_trend.says(course.drift):
+        details["dead_time_trend"] = drifts
     return drive._replace(
         channels=channels,
         details={**drive.details, **details},

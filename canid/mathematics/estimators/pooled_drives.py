@@ -45,8 +45,8 @@ def _method(results: Sequence[WholeDrive]) -> WholeDrive | None:
     }
     changes = [change for each in results for change in each.details.get("changes", ())]
     details: dict[str, Any] = {"changes": tuple(changes)}
-    if drifts := [each.details["delay_drift"] for each in results if "delay_drift" in each.details]:
-        details["delay_drift"] = drifts[0]
+    if drifts := [each.details["dead_time_trend"] for each in results if "dead_time_trend" in each.details]:
+        details["dead_time_trend"] = drifts[0]
     tests = [each.residual_tests for each in results if each.residual_tests is not None]
     most = max(tests, key=_left_over, default=None)
     return WholeDrive(channels, residual_tests=most, details=details)

@@ -157,7 +157,9 @@ def _left_over(result: WholeDrive) -> str:
 
 def _drifts(made: Mapping[str, WholeDrive]) -> list[str]:
     """What methods say of dead times that drift."""
-    return [result.details["delay_drift"] for result in made.values() if "delay_drift" in result.details]
+    return [
+        result.details["dead_time_trend"] for result in made.values() if "dead_time_trend" in result.details
+    ]
 
 
 def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Iterator[tuple[str, str]]:

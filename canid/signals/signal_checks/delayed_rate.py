@@ -133,8 +133,8 @@ def interval_sigmas(state: State, normal: float) -> float:
 
     Example:
         >>> alike = init()._replace(sums=(0.0, 120.0, 0.0, 0.0, 120.0))
-        >>> round(interval_sigmas(alike, 1.96), 2), round(interval_sigmas(alike, 3.7), 2)
-        (1.98, 3.82)
+        >>> round(interval_sigmas(alike, 2.0), 2), round(interval_sigmas(alike, 3.7), 2)
+        (2.02, 3.82)
     """
     _, b, _, _, bb = state.sums
     freedom = b * b / bb - 1.0 if bb > 0.0 else 0.0

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from canid.analysis.drive import drive_parameters
-from canid.mathematics.estimators import delay_drift
+from canid.mathematics.estimators import dead_time_trend
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.estimators.whole_drive_agreement import arbitrated, diagnosed
 from canid.values.types import Channel, Identifiable, Interval
@@ -41,9 +41,9 @@ def parts(rng: np.random.Generator, ppm: float = 0.0, walk: float = 0.0) -> Arra
     return products
 
 
-def drift(products: Array) -> delay_drift.DelayDrift:
+def drift(products: Array) -> dead_time_trend.DeadTimeTrend:
     """Of both inputs, with a block per second."""
-    found = delay_drift.fit(products, INPUTS, np.arange(len(products), dtype=np.float64))
+    found = dead_time_trend.fit(products, INPUTS, np.arange(len(products), dtype=np.float64))
     assert found is not None
     return found
 
@@ -55,7 +55,7 @@ def test_a_drift_is_within_its_interval(seed: int) -> None:
         found = drift(parts(np.random.default_rng(seed), ppm))
         assert found.found
         assert abs(found.rate - 1e-6 * ppm) < 2.6 * found.sd
-        assert ("grow" if ppm > 0.0 else "fall") in delay_drift.says(found)
+        assert ("grow" if ppm > 0.0 else "fall") in dead_time_trend.says(found)
 
 
 @pytest.mark.parametrize("walk", [0.0, 1.0])
@@ -71,16 +71,16 @@ def test_nothing_drifts_where_only_gains_and_levels_wander(walk: float, seed: in
 def test_a_short_drive_has_none() -> None:
     """Of few clusters of half a minute the variance is not known."""
     short = parts(np.random.default_rng(1))[:200]
-    assert delay_drift.fit(short, INPUTS, np.arange(200.0)) is None
-    assert delay_drift.says(None) == ""
+    assert dead_time_trend.fit(short, INPUTS, np.arange(200.0)) is None
+    assert dead_time_trend.says(None) == ""
 
 
 def test_no_method_quotes_delays_that_drift() -> None:
     """Gains stay, and the reason is said with each method; the diagnosis next to it is one of them."""
     one = Interval(0.5, 0.4, 0.6)
     channel = Channel(one, one, one, one, Identifiable.OK)
-    says = delay_drift.says(delay_drift.DelayDrift(1e-3, 1e-4))
-    drifting = WholeDrive({"range_rate": channel}, details={"delay_drift": says})
+    says = dead_time_trend.says(dead_time_trend.DeadTimeTrend(1e-3, 1e-4))
+    drifting = WholeDrive({"range_rate": channel}, details={"dead_time_trend": says})
     out = arbitrated({"fopdt": drifting, "armax": WholeDrive({"range_rate": channel})})
     for result in out.values():
         assert result is not None

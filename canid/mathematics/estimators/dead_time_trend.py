@@ -23,7 +23,7 @@ CLUSTER_S, MIN_CLUSTERS = 30.0, 10
 RIDGE = 1e-9
 
 
-class DelayDrift(NamedTuple):
+class DeadTimeTrend(NamedTuple):
     """Growth of the dead time."""
 
     rate: float  # s/s
@@ -35,7 +35,7 @@ class DelayDrift(NamedTuple):
         return abs(self.rate) > SIGMAS * self.sd
 
 
-def fit(parts: Array, inputs: int, t: Array) -> DelayDrift | None:
+def fit(parts: Array, inputs: int, t: Array) -> DeadTimeTrend | None:
     """Estimate the drift that all inputs have in common; None: the drive is too short.
 
     Args:
@@ -73,13 +73,13 @@ def fit(parts: Array, inputs: int, t: Array) -> DelayDrift | None:
     # what each cluster adds to the last coefficient
     added = np.bincount(clusters, (v - M @ value) @ C[-1])
     sd = max(float(C[-1, -1]), float(added @ added)) ** 0.5
-    return DelayDrift(float(value[-1]) / span, sd / span)
+    return DeadTimeTrend(float(value[-1]) / span, sd / span)
 
 
-def says(drift: DelayDrift | None) -> str:
+def says(drift: DeadTimeTrend | None) -> str:
     """The drift in words; "": none is found.
 
-    >>> says(DelayDrift(1e-3, 1e-4)).partition(":")[0]
+    >>> says(DeadTimeTrend(1e-3, 1e-4)).partition(":")[0]
     'the dead times grow by 1000 ppm [804, 1196] of the time or more'
     """
     if drift is None or not drift.found:
