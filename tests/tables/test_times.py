@@ -167,6 +167,22 @@ def test_summer_time(tmp_path: Path, pattern: str, begins: bool, seed: int) -> N
     assert [note for note in table.notes if "summer time" in note]
 
 
+@pytest.mark.parametrize("pattern", ["%I:%M:%S.%L", "%d.%m.%Y %I:%M:%S.%L"])
+@pytest.mark.parametrize("hour", [0, 12])
+def test_clock_of_twelve_hours(tmp_path: Path, pattern: str, hour: int, seed: int) -> None:
+    """Without AM and PM it goes on from 12:59:59 to 1:00, and that is said; up to 12:00 it is in order."""
+    rows = drive(seed)
+    plain = frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    start = datetime(2026, 8, 5, hour, 58, 20, tzinfo=UTC)
+    table = opened(tmp_path / "x.csv", "time", rows, at(pattern, start))
+    assert frames(table) == plain
+    assert [note for note in table.notes if "the clock of twelve hours goes on" in note]
+    assert not any("sorted" in note or "set back" in note for note in table.notes)
+    if hour:
+        before_noon = opened(tmp_path / "z.csv", "time", rows, at(pattern, start - timedelta(hours=1)))
+        assert frames(before_noon) == plain
+
+
 @pytest.mark.parametrize("zone", ["Z", "+01:00"])
 def test_times_with_a_zone_have_no_summer_time(tmp_path: Path, zone: str, seed: int) -> None:
     """An hour without rows is a pause."""

@@ -233,7 +233,9 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
     clock = zero < 1e18 and dates.clock_ns(first) is not None
     t = np.array([NAN if stamp is None else (stamp - zero) * 1e-9 for stamp in ns])
     if clock:
-        t[known] = np.round(row_clock.over_midnight(t[known]) * 1e9) * 1e-9
+        going = row_clock.over_midnight(t[known], zero * 1e-9)
+        t[known] = np.round(going.t * 1e9) * 1e-9
+        note = f"{name}: {going.says}" if going.says else note
     local = not _INTEGER.fullmatch(first) and _ZONE.fullmatch(first) is None
     return Times(t, None if clock or zero < 1e18 else zero, note, zero * 1e-9, local)
 

@@ -14,14 +14,17 @@ class Wrap(NamedTuple):
 
     period: float  # s
     says: str
+    begins: float = 0.0  # s, what it shows where it begins anew
 
 
+TWELVE_HOURS = Wrap(43_200.0, "the clock of twelve hours goes on from 12:59:59 to 1:00", 3600.0)
 # none is within MAX_STEP_S of another
 WRAPS = (
     Wrap(60.0, "the clock of 60 s (slcan) begins anew"),
     Wrap(65.536, "the counter of 16 bits in ms wraps"),
     Wrap(3600.0, "the clock is set back by an hour (end of summer time) or begins anew each hour"),
     Wrap(4294.967296, "the counter of 32 bits in µs wraps"),
+    TWELVE_HOURS,
     Wrap(86_400.0, "the time of day goes over midnight"),
     Wrap(604_800.0, "the time of the GPS week begins anew"),
     Wrap(4_294_967.296, "the counter of 32 bits in ms wraps"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -75,7 +76,7 @@ def unwrapped(t: Array, zero: float, columns: Sequence[Array], *, local: bool) -
         # as the clock shows them: whole µs, where doubles end of a clock since 1970
         before, behind = (round(zero + float(t[known[row]]), 6) for row in (k, k + 1))
         wrap = clock_wraps.wrap_of(before - behind, 0.0)
-        if wrap is not None and _at_its_end(before, behind, wrap.period):
+        if wrap is not None and _at_its_end(before, behind, wrap):
             added[k + 1] = wrap.period
             said[wrap.says] = None
         elif steps[k] > 0.0:
@@ -95,9 +96,10 @@ def unwrapped(t: Array, zero: float, columns: Sequence[Array], *, local: bool) -
     return Clock(out, "; ".join(said))
 
 
-def _at_its_end(before: float, behind: float, period: float) -> bool:
-    """Whether a clock of that period begins anew between two times."""
-    return behind % period <= clock_wraps.MAX_STEP_S and before % period >= period - clock_wraps.MAX_STEP_S
+def _at_its_end(before: float, behind: float, wrap: clock_wraps.Wrap) -> bool:
+    """Whether a clock begins anew between two times."""
+    last, first = ((t - wrap.begins) % wrap.period for t in (before, behind))
+    return first <= clock_wraps.MAX_STEP_S and last >= wrap.period - clock_wraps.MAX_STEP_S
 
 
 def _to_summer_time(before: float, behind: float, usual: float) -> bool:
@@ -138,27 +140,34 @@ def _go_on(columns: Sequence[Array], known: _Rows, seams: _Rows) -> bool:
     return judged
 
 
-def over_midnight(t: Array) -> Array:
-    """Times of day without dates, in s since the first, go on behind midnight.
+def over_midnight(t: Array, zero: float) -> Clock:
+    """Times of day without dates go on behind midnight, and those of twelve hours behind 12:59:59.
 
     Args:
-        t: (n,) s, within a day, in the order of the rows.
+        t: (n,) s since the first, within a day, in the order of the rows.
+        zero: s, what the clock shows at t = 0.
 
     Example:
-        >>> over_midnight(np.array([0.0, 1.0, 1.0 - 86_398.0])).tolist()  # the next one 2 s later
+        >>> over_midnight(np.array([0.0, 1.0, 1.0 - 86_398.0]), 86_399.0).t.tolist()  # the next one 2 s later
         [0.0, 1.0, 3.0]
+        >>> over_midnight(np.array([0.0, -43_199.0]), 46_799.0)  # 12:59:59, 1:00:00
+        Clock(t=array([0., 1.]), says='the clock of twelve hours goes on from 12:59:59 to 1:00')
     """
+    wrap = clock_wraps.TWELVE_HOURS
+    shown = (zero + t).round(6).tolist()
+    anew = [clock_wraps.wrap_of(a - b, 0.0) is wrap and _at_its_end(a, b, wrap) for a, b in pairwise(shown)]
+    t = t + wrap.period * np.cumsum([False, *anew])
     # a jump ahead by hours is a pause; one by nearly a day is a row out of order, from before midnight
     kept = np.unwrap(t, discont=DAY_S - _HOUR_S, period=DAY_S)
     nights = np.diff(kept, prepend=kept[:1]) < -_MIN_NIGHT_S
     paused = np.asarray(kept + DAY_S * np.cumsum(nights))
     if (
-        nights.sum() <= _MAX_NIGHTS
-        and (np.diff(paused) >= -session_clock.MAX_REORDERING_S).all()
-        and not _one_piece(kept)
+        nights.sum() > _MAX_NIGHTS
+        or (np.diff(paused) < -session_clock.MAX_REORDERING_S).any()
+        or _one_piece(kept)
     ):
-        return paused
-    return np.asarray(np.unwrap(t, period=DAY_S))
+        paused = np.asarray(np.unwrap(t, period=DAY_S))
+    return Clock(paused, wrap.says if any(anew) else "")
 
 
 def _one_piece(t: Array) -> bool:
