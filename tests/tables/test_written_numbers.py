@@ -11,7 +11,7 @@ import pytest
 
 from canid.analysis.tables.source import NO_NUMBER, number
 from canid.analysis.tables.table import open_table
-from tests.tables.test_times import _Drive, at, drive, last, opened
+from tests.tables.test_times import _Drive, at, drive, frames, last, opened
 
 _START = datetime(2026, 8, 5, 8, 58, 20, 500_000, tzinfo=UTC)
 _DAYS_TO_1970 = 25_569.0
@@ -116,3 +116,50 @@ def test_digits_with_an_underscore_are_no_number(tmp_path: Path) -> None:
     lines += [f"{0.1 * k:.1f},20,30,0.1,20" for k in range(50, 100)]
     path.write_text("time,speed,gap,range_rate,pedal\n" + "\n".join(lines) + "\n", encoding="utf-8")
     assert any("50 of 100 cells hold no number" in note for note in open_table(path).notes)
+
+
+@pytest.mark.parametrize("units", [("s", "m/s", "m", "m/s", "%"), (" s", " km/h", " m", " km/h", " %")])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_cells_with_their_units(tmp_path: Path, units: tuple[str, ...], decimal: str, seed: int) -> None:
+    """They are the columns' units, where a heading states none; a cell of another unit is no number."""
+    rows = drive(seed, 600)
+    factor = [3.6 if "km/h" in unit else 1.0 for unit in units]
+
+    def lines(written: tuple[str, ...]) -> str:
+        made = []
+        for t, cells in rows:
+            numbers = (t, *map(float, cells.split(",")))
+            texts = [f"{x * f:.5f}{u}" for x, f, u in zip(numbers, factor, written, strict=True)]
+            made.append(";".join(texts).replace(".", decimal))
+        return "\n".join(made) + "\n"
+
+    beside, above = tmp_path / "beside.csv", tmp_path / "above.csv"
+    beside.write_text("time;speed;gap;range_rate;pedal\n" + lines(units), encoding="utf-8")
+    stated = ";".join(
+        f"{name} [{unit.strip()}]"
+        for name, unit in zip("time speed gap range_rate pedal".split(), units, strict=True)
+    )
+    above.write_text(stated + "\n" + lines(("",) * 5), encoding="utf-8")
+    table = open_table(beside)
+    assert frames(table) == frames(open_table(above))
+    assert not any("no unit is stated" in note for note in table.notes)
+    text = beside.read_text(encoding="utf-8")
+    beside.write_text(text.replace(f"{units[2]};", " ft;", 3), encoding="utf-8")
+    notes = [note for note in open_table(beside).notes if "hold no number" in note]
+    assert [note.partition("gap: ")[2] for note in notes] == ["3 of 600 cells hold no number"]
+
+
+@pytest.mark.parametrize(("scale", "said"), [(2.55, True), (1.0, True), (0.997, False)])
+def test_whole_numbers_of_a_pedal_without_a_unit_are_said(tmp_path: Path, scale: float, said: bool) -> None:
+    """They may be counts, which no value below 100 shows."""
+    rows = drive(7, 600)
+    path = tmp_path / "x.csv"
+    text = [
+        f"{t:.1f},{cells.rpartition(',')[0]},{round((20 + k % 9) * scale, 0 if said else 2):g}"
+        for k, (t, cells) in enumerate(rows)
+    ]
+    path.write_text("time,speed,gap,range_rate,pedal\n" + "\n".join(text) + "\n", encoding="utf-8")
+    assert any("where they are counts" in note for note in open_table(path).notes) == said
+    stated = path.read_text(encoding="utf-8").replace("pedal", "pedal [%]", 1)
+    path.write_text(stated, encoding="utf-8")
+    assert not any("where they are counts" in note for note in open_table(path).notes)

@@ -135,6 +135,11 @@ def _judged(role: str, known: Array, name: str, notes: list[str]) -> float:
     if role == "pedal" and 0.0 < finite.max() <= FRACTION and finite.min() >= 0.0:
         notes.append(f"{name}: pedal: no value is above 1: taken as a fraction of the full travel")
         return 100.0
+    if role == "pedal" and np.ptp(finite) > 0.0 and (finite == np.rint(finite)).all():
+        notes.append(
+            f"{name}: pedal: whole numbers up to {finite.max():.0f} without a unit: taken in %; where they are counts, "
+            "K is wrong by their scale: state it (scale, or % in the heading)"
+        )
     if role in ("speed", "lead_speed") and np.median(np.abs(finite)) > MAX_USUAL_SPEED:
         raise ConfigError(
             f"{name}: {role}: its median of {np.median(np.abs(finite)):.4g} is no speed in m/s; state the unit in the "

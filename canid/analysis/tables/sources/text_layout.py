@@ -10,6 +10,7 @@ from typing import NamedTuple
 from canid.analysis.tables import time_column
 from canid.analysis.tables.headings import TIME, heading, role_of
 from canid.analysis.tables.source import MAX_COLUMNS
+from canid.analysis.tables.sources.cell_units import number_and_unit
 from canid.analysis.tables.sources.grouped_numbers import by_points
 from canid.signals.vehicle.units import unit_of
 from canid.values.errors import LogError
@@ -197,7 +198,8 @@ def _missing(lines: Sequence[str]) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell.strip("\"'")) or _DECIMAL_COMMA.fullmatch(cell))
+    number = number_and_unit(cell.strip("\"'"))[0]
+    return bool(_NUMBER.fullmatch(number) or _DECIMAL_COMMA.fullmatch(number))
 
 
 def _units(cells: list[str]) -> bool:
@@ -210,7 +212,7 @@ def _units(cells: list[str]) -> bool:
 def _layout(
     headings: tuple[str, ...], delimiter: str, rows: Sequence[str], skip: int, header: int, encoding: str
 ) -> Layout:
-    cells = [cell for line in rows for cell in split(line, delimiter)]
+    cells = [number_and_unit(cell)[0] for line in rows for cell in split(line, delimiter)]
     commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
     if delimiter == ",":  # in quotes, where a comma may separate thousands as well
         commas = [cell for cell in commas if not _THOUSANDS.fullmatch(cell)]

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from canid.analysis.tables.source import EMPTY, SAMPLE_ROWS, Block, number
+from canid.analysis.tables.sources.cell_units import units_of, with_units
 from canid.analysis.tables.sources.grouped_numbers import any_by_commas, any_by_points, plain
 from canid.analysis.tables.sources.text_layout import MAX_PREAMBLE_LINES, encoding_of, layout
 from canid.analysis.tables.sources.text_rows import Rows, form
@@ -53,7 +54,9 @@ class TextSource:
             if not self._form.wrong(cells):
                 rows.append([cell.strip() for cell in cells])
         self._grouped = not self._layout.decimal_comma and any_by_commas(rows)
-        rows = [[self._plain(cell) for cell in row] for row in rows]
+        self._units = units_of(self.headings, rows)
+        self.headings = with_units(self.headings, self._units)
+        rows = [[self._plain(cell, k) for k, cell in enumerate(row)] for row in rows]
         self._sample = [
             [row[k] if k < len(row) else "" for row in rows[:SAMPLE_ROWS]] for k in range(len(self.headings))
         ]
@@ -92,7 +95,9 @@ class TextSource:
         """The texts of the first rows, a list per column; with a decimal point and without separators."""
         return self._sample
 
-    def _plain(self, cell: str) -> str:
+    def _plain(self, cell: str, place: int) -> str:
+        if place in self._units:
+            cell = cell.strip().removesuffix(self._units[place]).rstrip()
         return plain(cell, self._layout.decimal_comma, self._grouped)
 
     def blocks(self, numbers: Sequence[int], texts: Sequence[int]) -> Iterator[Block]:
@@ -157,13 +162,13 @@ class TextSource:
         as_written = not (self._layout.decimal_comma or self._grouped)
         for j, k in enumerate(numbers):
             cells = [row[k] if k < len(row) else "" for row in rows]
-            if not as_written:
-                cells = list(map(self._plain, cells))
+            if k in self._units or not as_written:
+                cells = [self._plain(cell, k) for cell in cells]
             try:
                 # Python takes 2026_05 as a number
                 out[:, j] = list(map(number if any("_" in cell for cell in cells) else float, cells))
             except ValueError:
-                out[:, j] = list(map(number, map(self._plain, cells) if as_written else cells))
+                out[:, j] = [number(self._plain(cell, k)) for cell in cells]
         return out
 
 
