@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import random
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -162,6 +163,24 @@ def test_a_list_of_frames_in_any_language_is_neither_damaged_nor_a_table(
             open_log(path)
         with pytest.raises(ConfigError, match="lists CAN frames in a form that canid does not know"):
             is_table(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "says"),
+    [
+        (".xlsx", "save the sheet as CSV"),
+        (".xml", "xml2csv.py"),
+        (".mat", "canid.from_arrays"),
+        (".xyz", ".vbo"),
+    ],
+)
+def test_a_file_that_may_be_a_table_is_told_how_it_becomes_one(
+    tmp_path: Path, suffix: str, says: str
+) -> None:
+    path = tmp_path / f"drive{suffix}"
+    path.write_bytes(b"\x89\0\1")
+    with pytest.raises(ConfigError, match=f"tables are read as .*{re.escape(says)}"):
+        open_log(path)
 
 
 def test_a_text_that_is_no_table_is_an_unknown_format(tmp_path: Path) -> None:

@@ -137,7 +137,7 @@ def test_cells_with_their_units(tmp_path: Path, units: tuple[str, ...], decimal:
     beside.write_text("time;speed;gap;range_rate;pedal\n" + lines(units), encoding="utf-8")
     stated = ";".join(
         f"{name} [{unit.strip()}]"
-        for name, unit in zip("time speed gap range_rate pedal".split(), units, strict=True)
+        for name, unit in zip(["time", "speed", "gap", "range_rate", "pedal"], units, strict=True)
     )
     above.write_text(stated + "\n" + lines(("",) * 5), encoding="utf-8")
     table = open_table(beside)

@@ -151,6 +151,27 @@ class Log:
             raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
 
 
+# how measurements in other files become tables
+_AS_TABLE = {
+    (".xlsx", ".xls", ".xlsm", ".ods", ".numbers"): ": save the sheet as CSV",
+    (".xml",): ": SUMO's xml2csv.py writes an fcd-output as CSV",
+    (
+        ".json",
+        ".jsonl",
+        ".h5",
+        ".hdf5",
+        ".feather",
+        ".arrow",
+        ".pkl",
+        ".npy",
+        ".npz",
+        ".mat",
+        ".db3",
+        ".bag",
+    ): (": from Python, canid.from_frame or canid.from_arrays takes the columns"),
+}
+
+
 def _format(path: Path, suffix: str) -> formats.Format:
     """The format by the first lines of a text, otherwise by the suffix. Raises ConfigError, LogError."""
     try:
@@ -169,8 +190,11 @@ def _format(path: Path, suffix: str) -> formats.Format:
         )
     if known is None:
         known_suffixes = ", ".join(formats.read_suffixes())
+        tables = ", ".join((*formats.TABLE_SUFFIXES, *formats.TABLES_ALONE))
+        remedy = next((way for kinds, way in _AS_TABLE.items() if suffix.removesuffix(".gz") in kinds), "")
         raise ConfigError(
-            f"{path}: unknown log format {suffix or '(no suffix)'!r}; known are {known_suffixes}"
+            f"{path}: unknown log format {suffix or '(no suffix)'!r}; known are {known_suffixes}; tables are read as "
+            f"{tables}{remedy}"
         )
     return known
 
