@@ -22,7 +22,22 @@ MAX_KEPT = 100_000_000
 # rows from which kinds of columns are judged
 SAMPLE_ROWS = 200
 # texts by which programs say that nothing was measured, besides "nan"
-NO_VALUE = ("null", "none", "na", "n/a", "<na>", "-")
+NO_VALUE = (
+    "null",
+    "none",
+    "na",
+    "n/a",
+    "<na>",
+    "-",
+    "--",
+    "---",
+    "?",
+    "#n/a",
+    "#n/v",
+    "#nv",
+    "missing",
+    "void",
+)
 
 
 class Block(NamedTuple):

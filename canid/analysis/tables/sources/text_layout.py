@@ -68,7 +68,9 @@ def split(line: str, delimiter: str) -> list[str]:
     if not delimiter:
         return line.split()
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+        return [
+            cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        ]
     except csv.Error:
         return line.split(delimiter)
 

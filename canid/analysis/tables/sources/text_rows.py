@@ -59,7 +59,7 @@ class RowForm(NamedTuple):
         if '"' not in line:
             return line.split(delimiter)
         try:
-            return next(csv.reader([line], delimiter=delimiter, strict=True), [])
+            return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True, strict=True), [])
         except csv.Error as error:
             open_ = "unexpected end" in str(error)
             raise ValueError("a quote is open at its end" if open_ else "its quotes are damaged") from None
@@ -145,7 +145,7 @@ class RowForm(NamedTuple):
             data[int(begin[k]) : int(ends[k])].decode(self.encoding, errors="replace").rstrip("\r\n")
             for k in which
         )
-        reader = csv.reader(texts, delimiter=self.delimiter.decode(), strict=True)
+        reader = csv.reader(texts, delimiter=self.delimiter.decode(), skipinitialspace=True, strict=True)
         for n, k in enumerate(which, 1):
             try:
                 cells = next(reader)

@@ -162,13 +162,15 @@ class TextSource:
         as_written = not (self._layout.decimal_comma or self._grouped)
         for j, k in enumerate(numbers):
             cells = [row[k] if k < len(row) else "" for row in rows]
-            if k in self._units or not as_written:
+            plain_already = k in self._units or not as_written
+            if plain_already:
                 cells = [self._plain(cell, k) for cell in cells]
             try:
                 # Python takes 2026_05 as a number
                 out[:, j] = list(map(number if any("_" in cell for cell in cells) else float, cells))
             except ValueError:
-                out[:, j] = [number(self._plain(cell, k)) for cell in cells]
+                # not twice: 1.234 may be a number of thousands
+                out[:, j] = [number(cell if plain_already else self._plain(cell, k)) for cell in cells]
         return out
 
 
