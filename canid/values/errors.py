@@ -11,6 +11,9 @@ Wrong calls raise ValueError; insufficient data are a Status, never an exception
 A log that is damaged but readable in part is no exception either: readers report `Damage`, the command ends with DAMAGED.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 DONE, CHECK_FAILED, USAGE, NO_BUS, DAMAGED, NOT_WRITTEN = range(6)  # DESIGN: exit codes
 
 
@@ -63,6 +66,21 @@ class OutputError(CanidError):
         """`says`: the line for the user."""
         super().__init__(says)
         self.errno = errno or 0
+
+
+@contextmanager
+def system_errors(place: object, what: str = "written") -> Iterator[None]:
+    """Raise an OSError as OutputError: `PLACE: cannot be WHAT (REASON)`, of the file where the system names one.
+
+    >>> with system_errors("fleet/drives"):
+    ...     raise OSError(28, "No space left on device")
+    Traceback (most recent call last):
+    canid.values.errors.OutputError: fleet/drives: cannot be written (No space left on device)
+    """
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{error.filename or place}: cannot be {what} ({error.strerror})") from None
 
 
 def out_of_memory(error: BaseException) -> bool:

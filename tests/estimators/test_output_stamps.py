@@ -19,32 +19,55 @@ def trace(output: Array) -> Trace:
 
 
 @pytest.mark.parametrize("decimals", [1, 4, 12])
-@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize(("every", "first"), [(2, 0), (2, 1), (3, 2), (5, 3)])
 @pytest.mark.parametrize("between", ["line", "hold"])
-def test_the_own_readings_are_found(between: str, first: int, decimals: int, seed: int) -> None:
+def test_the_own_readings_are_found(between: str, every: int, first: int, decimals: int, seed: int) -> None:
     """Whichever samples they are, in whatever steps, and with a pause; the drive is thinned to them, bit for bit."""
     readings = np.round(20.0 + 5.0 * np.random.default_rng(seed).standard_normal(500), decimals)
-    k = np.arange(first, 990)
-    joined = np.interp(k, 2 * np.arange(500), readings) if between == "line" else readings[k // 2]
+    k = np.arange(every - first, 490 * every)
+    joined = np.interp(k, every * np.arange(500), readings) if between == "line" else readings[k // every]
+    joined = np.round(joined, max(decimals, 4))
     joined[300:320] = np.nan
     usable = np.isfinite(joined)
     found = stamps(joined, usable)
-    assert found is not None
-    assert found == (first, between)
+    assert found == (first, every, between, True)
     thin, used = at_own_stamps(trace(joined), usable)
-    assert thin.dt == 0.2
-    assert np.array_equal(thin.output[used], readings[k[first::2] // 2][usable[first::2]])
+    assert thin.dt == pytest.approx(0.1 * every)
+    assert np.array_equal(thin.output[used], readings[k[first::every] // every][usable[first::every]])
     assert between[:4] in says(trace(joined)).replace("held", "hold")
 
 
+SLOW, LATE = (
+    SignalFinding(name, ("pedal",), 0.0, 60.0, "", "", False, withholds_delays=True)
+    for name in ("output_slow", "accel_late")
+)
+
+
 def test_a_slow_output_is_no_finding_where_its_own_readings_are_fitted(seed: int) -> None:
-    """At every second sample; at every third it stays, as any other finding does."""
-    slow, late = (SignalFinding(name, ("pedal",), 0.0, 60.0, "", "", False, withholds_delays=True)
-                  for name in ("output_slow", "accel_late"))  # fmt: skip
+    """At every second to fifth sample; at every sixth, and at other instants, it stays, as any other finding does."""
     readings = np.random.default_rng(seed).standard_normal(500)
-    for every, expected in ((2, (late,)), (3, (slow, late))):
+    for every, expected in ((2, (LATE,)), (5, (LATE,)), (6, (SLOW, LATE)), (4.5, (SLOW, LATE))):
         output = np.interp(np.arange(900), every * np.arange(500), readings)
-        assert standing(trace(output)._replace(findings=(slow, late))) == expected
+        assert standing(trace(output)._replace(findings=(SLOW, LATE))) == expected
+
+
+@pytest.mark.parametrize("between", ["line", "hold"])
+@pytest.mark.parametrize("every", [4.1, 4.5, 5.3])
+def test_readings_at_other_instants_are_taken_one_a_sample(every: float, between: str, seed: int) -> None:
+    """Where a finding says that the output is slow, samples are as far apart as its readings; else all are fitted."""
+    readings = np.random.default_rng(seed).standard_normal(500)
+    k = np.arange(1200)
+    output = (
+        np.interp(k, every * np.arange(500), readings)
+        if between == "line"
+        else readings[(k / every).astype(int)]
+    )
+    given = trace(output)
+    assert says(given) == ""
+    slow = given._replace(findings=(SLOW,))
+    thin, _ = at_own_stamps(slow, np.ones(1200, bool))
+    assert round(thin.dt / given.dt) == np.ceil(every)
+    assert "each sample that is fitted holds a new reading" in says(slow)
 
 
 @pytest.mark.parametrize("step", [0.0, 0.4, 2.0])

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -176,6 +177,42 @@ def test_a_child_ends_when_its_parent_was_killed(slow: Path) -> None:
         pid = int(parent.stdout.readline())
         parent.kill()
         assert gone(pid)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_what_a_killed_run_has_left_is_deleted_by_the_next_one(
+    child: Child, slow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder of a run that was killed, with its child or not; that of a run that works stays."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    text = PARENT.format(repo=str(REPO), path=str(slow))
+    parents, pids = [], []
+    for _ in range(3):
+        parents.append(
+            subprocess.Popen(
+                [sys.executable, "-c", text],
+                stdout=subprocess.PIPE,
+                cwd=REPO,
+                env={**os.environ, "TMPDIR": str(tmp_path)},
+            )
+        )
+        made = parents[-1].stdout
+        assert made is not None
+        pids.append(int(made.readline()))
+    living, killed, killed_with_child = parents
+    folders = set(tmp_path.iterdir())
+    assert len(folders) == 3
+    os.kill(pids[2], signal.SIGKILL)
+    for parent in (killed, killed_with_child):
+        parent.kill()
+        parent.communicate()
+    assert all(gone(pid) for pid in pids[1:])
+    child.analyse(job(tmp_path / "missing.blf"), GENERIC)
+    left = {path for path in folders if path.exists()}
+    living.kill()
+    living.communicate()
+    assert len(left) == 1
+    assert gone(pids[0])
 
 
 @pytest.mark.slow("runs of a fleet in processes of their own")

@@ -179,6 +179,24 @@ def test_drivers_are_those_of_the_folders() -> None:
 
 
 @pytest.mark.usefixtures("accounts")
+@pytest.mark.parametrize(
+    "forms",
+    [
+        ("abfs://anna@one.{}", "abfs://ben@one.{}/"),
+        ("az://anna@one.{}/*.csv", "abfss://ben@one.{}"),
+        ("abfs://one.{}/anna", "abfs://ben@one.{}"),
+        ("abfs://drives@two.{}/fleet/anna", "abfs://drives@one.{}/fleet/ben/"),
+    ],
+)
+def test_logs_that_lie_directly_in_named_containers(forms: tuple[str, ...]) -> None:
+    """Each container or folder has the name of its driver; the account is no part of it."""
+    for driver in ("anna", "ben"):
+        Accounts(account_name="one").pipe_file(f"{driver}/a.csv", b"t,v\n0,1\n")
+    logs = planned([form.format(HOST) for form in forms]).logs
+    assert sorted(log.driver for log in logs) == ["anna", "ben"]
+
+
+@pytest.mark.usefixtures("accounts")
 def test_a_file_that_no_address_leads_to_is_one_failed_log() -> None:
     """Its row says what to do, and the other files of the folder are planned."""
     Accounts(account_name="one").pipe_file("drives/odd/a\tb.csv", b"t,v\n0,1\n")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from canid.io.buses import messages, python_can
 from canid.io.logs import open_log, write_log
-from canid.io.logs.blf.blf_reader import read_blf_columns
+from canid.io.logs.blf.blf_reader import read_blf
 from canid.io.logs.blf.blf_writer import BlfWriter
 from canid.io.logs.reader_state import ReadState
 from canid.values.errors import OutputError
@@ -247,7 +247,7 @@ def test_a_file_that_grows_between_its_size_and_its_header_is_undamaged(tmp_path
     state = ReadState(size=log.stat().st_size)
     writer.append_columns(columns_of(frames[10:]))
     writer.checkpoint()
-    assert sum(len(chunk.t) for chunk in read_blf_columns(log, state)) == 20
+    assert sum(len(chunk.t) for chunk in read_blf(log, state)) == 20
     assert state.damage is None
     assert state.size == log.stat().st_size
     writer.close()

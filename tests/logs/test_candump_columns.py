@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from canid.io.logs import candump_columns, open_log
-from canid.io.logs.candump_reader import read_candump_columns
+from canid.io.logs.candump_reader import read_candump
 from canid.io.logs.frame_lines import MAX_WAITING
 from canid.io.logs.line_columns import none_found
 from canid.io.logs.reader_state import ReadState
@@ -43,7 +43,7 @@ def written(rng: random.Random, k: int) -> str:
 def everything(path: Path) -> tuple[list[Frame], object]:
     """Frames, and what the reading says besides."""
     state = ReadState(path.stat().st_size)
-    frames = [frame for chunk in read_candump_columns(path, state) for frame in frames_of(chunk)]
+    frames = [frame for chunk in read_candump(path, state) for frame in frames_of(chunk)]
     return frames, (state.damage, state.frames, dict(state.other_kinds), state.start_ns, state.buses)
 
 

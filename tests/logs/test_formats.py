@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import itertools
 import random
 import re
 import subprocess
@@ -16,31 +17,31 @@ import pytest
 from canid.analysis.tables.kinds import is_table
 from canid.io.logs import formats, open_log
 from canid.io.logs.formats import Format
+from canid.io.logs.frame_lines import Row, read
 from canid.io.logs.reader_state import ReadState
-from canid.io.logs.text_lines import Bad, LineCount, hex_bytes, lines
+from canid.io.logs.text_lines import Bad, Line, hex_bytes
 from canid.values.errors import ConfigError, LogError
-from canid.values.frame_columns import frames_of
-from canid.values.types import Frame
+from canid.values.frame_columns import WantedIds, frames_of
+from canid.values.types import Columns, Frame
 
 ROOT = Path(__file__).parents[2]
 
 
-def read_trivial(path: Path, state: ReadState) -> Iterator[Frame]:
+def read_trivial(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
     """Read lines `ID DATA` of frames that are 10 ms apart; `*` begins a comment."""
-    count = LineCount()
-    for line in lines(path, state, count):
-        if line.text.startswith("*"):
-            count.others["comments"] += 1
-            continue
+    numbers = itertools.count()
+
+    def take(text: str, line: Line) -> Row | str:
+        if text.startswith("*"):
+            return "comments"
+        id_text, _, data = text.partition(" ")
         try:
-            id_text, _, data = line.text.partition(" ")
-            frame = Frame(count.read * 0.01, 0, int(id_text, 16), hex_bytes(data, len(data) // 2))
+            id_, octets = int(id_text, 16), hex_bytes(data, len(data) // 2)
         except ValueError as error:
-            count.miss(line, str(error) if isinstance(error, Bad) else "it is not ID DATA")
-            continue
-        count.read += 1
-        yield frame
-    count.close(path, state)
+            raise error if isinstance(error, Bad) else Bad("it is not ID DATA") from None
+        return Row(next(numbers) * 10_000_000, 0, id_, octets, 0)
+
+    return read(path, state, take, wanted, dated=lambda: False)
 
 
 @pytest.fixture

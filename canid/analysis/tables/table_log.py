@@ -25,9 +25,9 @@ from canid.mathematics.estimators import ESTIMATORS
 from canid.signals.vehicle.bits import Bits
 from canid.signals.vehicle.mapping import LeadConfig, MessageMap, RoleMap, SignalMap, Vehicle
 from canid.values import timestamps
-from canid.values.frame_columns import WantedIds, frames_of
+from canid.values.frame_columns import WantedIds
 from canid.values.roles import NEEDS, ROLES
-from canid.values.types import Array, Columns, Driver, Flag, Frame
+from canid.values.types import Array, Columns, Driver, Flag
 
 # in the frames, a reading that says that there is none; its cell was empty, held a text, or said so
 NO_VALUE = -(2**60)
@@ -73,8 +73,7 @@ class TableLog(Log):
         self._first_remarks = ()
         self._t, self._messages = t, messages
         self.count = LineCount(read=len(t))  # the lines of the table
-        self._read = self._frames
-        self._read_columns = self._columns
+        self._read = self._columns
         self._state = self._new_state()
         self.start_ns = (
             None if start_ns is None else start_ns + round(1e9 * float(t[0])) if t.size else start_ns
@@ -88,10 +87,6 @@ class TableLog(Log):
 
     def _new_state(self, notes: Any = None) -> ReadState:
         return ReadState(size=max(len(self._t), 1), notes=notes)
-
-    def _frames(self, path: Path, state: ReadState) -> Iterator[Frame]:
-        for chunk in self._columns(path, state, None):
-            yield from frames_of(chunk)
 
     def _columns(self, path: Path, state: ReadState, wanted: WantedIds | None) -> Iterator[Columns]:
         for begin in range(0, len(self._t), ROWS_PER_CHUNK):

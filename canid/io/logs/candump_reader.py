@@ -13,7 +13,7 @@ from pathlib import Path
 
 from canid.io.logs import candump_columns
 from canid.io.logs.candump_columns import BRS_BIT, ESI_BIT
-from canid.io.logs.frame_lines import Row, bus_of, read_columns
+from canid.io.logs.frame_lines import Row, bus_of, read
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import (
     MAX_EXTENDED_ID,
@@ -27,8 +27,8 @@ from canid.io.logs.text_lines import (
 )
 from canid.values import timestamps
 from canid.values.bus_names import MAX_BUSES, bus_numbers
-from canid.values.frame_columns import WantedIds, frames_of
-from canid.values.types import Columns, Flag, Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Flag
 
 ERROR_BIT = 0x2000_0000  # of an eight-digit id, as in linux/can.h
 _MAX_STANDARD_ID = 0x7FF
@@ -53,13 +53,7 @@ _XL = re.compile(
 _COMMENT = re.compile(r"#(?!\(?\d+\.\d+\))")
 
 
-def read_candump(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
-    for chunk in read_candump_columns(path, state):
-        yield from frames_of(chunk)
-
-
-def read_candump_columns(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+def read_candump(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
     """Columns in the order of the file; raises LogError where no line is a frame.
 
     `wanted`: frames with other ids may be left out.
@@ -75,7 +69,7 @@ def read_candump_columns(path: Path, state: ReadState, wanted: WantedIds | None 
         bus = buses.get(interface)
         return Row(ns, bus_of(interface, buses) if bus is None else bus, id_, data, flags, length)
 
-    return read_columns(path, state, take, lambda block: candump_columns.read(block, buses), wanted)
+    return read(path, state, take, wanted, fast=lambda block: candump_columns.read(block, buses))
 
 
 def interfaces(path: Path, size: int, name_of: re.Pattern[bytes]) -> set[str]:

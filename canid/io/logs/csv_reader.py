@@ -15,7 +15,8 @@ from canid.io.logs.frame_lines import Row, read
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Bad, Line, remote_length
 from canid.values import timestamps
-from canid.values.types import Flag, Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Flag
 
 _COLUMN_NAMES = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 # a byte order mark, each of its bytes one character
@@ -26,9 +27,9 @@ _ID_WORD = re.compile(r"0x[0-9a-f]{1,8}", re.IGNORECASE)
 _DLC = re.compile(r"\d{1,2}")
 
 
-def read_csv(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
-    return read(path, state, _take)
+def read_csv(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is one."""
+    return read(path, state, _take, wanted)
 
 
 def _take(text: str, line: Line) -> Row | str:

@@ -15,9 +15,7 @@ class Format(NamedTuple):
     """How a format is read and named."""
 
     module: str  # with the reader; imported when such a log is opened
-    # its function (path, state) -> frames, see `reader_state.Read`. A second function in the module,
-    # NAME_columns, gives columns many times faster, see `ReadColumns`; without it the columns are made of the frames.
-    reader: str
+    reader: str  # its function (path, state, wanted) -> columns, see `reader_state.Read`
     description: str  # as help texts name it
     is_text: bool = True  # lines, which `text_lines` reads gzipped as well
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.io.logs.line_columns import LineColumns, merged
+from canid.io.logs.line_columns import LineColumns, merged, none_found
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import (
     MAX_EXTENDED_ID,
@@ -22,12 +22,11 @@ from canid.io.logs.text_lines import (
     blocks,
     filled,
     line,
-    lines,
 )
 from canid.values import timestamps
 from canid.values.bus_names import MAX_BUSES, with_more
 from canid.values.frame_columns import WantedIds, join, keep_memory, select
-from canid.values.types import Columns, Flag, Frame
+from canid.values.types import Columns, Flag
 
 _FLOOR_NS = timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S
 # Frames of time 0 that wait for the first one with a time of its own: an adapter that does not stamp what it sends has a
@@ -53,138 +52,120 @@ class Row(NamedTuple):
 Take = Callable[[str, Line], Row | str]
 
 
+# the frames of a block that can be parsed as arrays
+Fast = Callable[[Block], LineColumns]
+
+
+def _none(block: Block) -> LineColumns:
+    return none_found(len(block.ends))
+
+
 def read(
-    path: Path, state: ReadState, take: Take, *, dated: Callable[[], bool] = lambda: True
-) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one.
+    path: Path,
+    state: ReadState,
+    take: Take,
+    wanted: WantedIds | None = None,
+    *,
+    fast: Fast = _none,
+    dated: Callable[[], bool] = lambda: True,
+) -> Iterator[Columns]:
+    """Columns in the order of the file: usual lines as arrays, the others one by one. Raises LogError where no line is one.
 
     A frame of time 0 between frames of 1990 and later has no time: an adapter does not stamp what it sends itself. It gets
     that of the frame before it, and at the beginning that of the first one with a time.
 
     Args:
         path: the file.
-        state: of this reading.
+        state: of this reading; its start is left to `take` where times do not count from 1970.
         take: the frame of a line.
-        dated: whether times count from 1970; asked when there is a first frame.
-    """
-    count = LineCount()
-    first: int | None = None
-    latest = 0
-    waiting: list[Row] = []
-    new = tuple.__new__  # a NamedTuple's own __new__ costs twice as much, and there are millions
-    for item in lines(path, state, count):
-        row = _taken(item, take, count)
-        if row is None:
-            continue
-        ns, bus, id_, data, flags, length = row
-        count.read += 1
-        if first is None:
-            if ns == 0 and len(waiting) < MAX_WAITING and dated():
-                waiting.append(row)
-                continue
-            waited, waiting = waiting, []
-            first = ns if ns >= _FLOOR_NS or not waited else 0
-            state.start_ns = first if dated() else None
-            for early in waited:
-                yield _frame(early, 0)
-        elif ns == 0 and first >= _FLOOR_NS:
-            ns = latest
-        latest = ns
-        yield new(Frame, ((ns - first) * 1e-9, bus, id_, data, flags, length))
-    if waiting:
-        state.start_ns = 0 if dated() else None
-    for early in waiting:
-        yield _frame(early, 0)
-    count.close(path, state)
-
-
-# the frames of a block that can be parsed as arrays
-Fast = Callable[[Block], LineColumns]
-
-
-def read_columns(
-    path: Path, state: ReadState, take: Take, fast: Fast, wanted: WantedIds | None = None
-) -> Iterator[Columns]:
-    """The same as columns, of times since 1970: usual lines as arrays, the others one by one.
-
-    Args:
-        path: the file.
-        state: of this reading.
-        take: the frame of a line.
-        fast: the frames of usual lines.
         wanted: frames with other ids may be left out.
+        fast: the frames of usual lines.
+        dated: whether times count from 1970; asked when there is a first frame that is not a usual line.
     """
     keep_memory()
     count = LineCount()
-    times = Times()
-    waiting: list[Columns] = []
+    times = Times(state, dated)
     for block in blocks(path, state, count):
         fixed = fast(block)
-        rows = _one_by_one(block, fixed, take, state, count)
+        rows = _one_by_one(block, fixed, take, times, count)
         fixed = merged(fixed, [(k, row[1:]) for k, row in rows])
         for k, row in rows:
             fixed.ns[k] = row.ns
         kept = np.flatnonzero(fixed.found)
         count.read += len(kept)
-        before = times.first
-        t = times.step(fixed.ns[kept])
         columns = Columns(np.zeros(len(fixed.ns)), *fixed[2:])
-        chunk = select(columns, kept)._replace(t=t)
-        if times.first is None:
-            waiting.append(chunk)
-            continue
-        if before is None:
-            state.start_ns = times.first
-            chunk = join([*waiting, chunk]) if waiting else chunk
-            waiting = []
-        chunk = chunk if wanted is None else select(chunk, wanted.rows(chunk.id))
-        if chunk.t.size:
-            yield chunk
-    if waiting:
+        yield from times.step(fixed.ns[kept], select(columns, kept), wanted)
+    if times.waiting:
         state.start_ns = 0
-        yield join(waiting)
+        yield join(times.waiting)
     count.close(path, state)
 
 
 class Times:
-    """The log's own time of frames that come in arrays, as `read` gives it to one after the other."""
+    """The log's own time of frames, see `read`; frames that come before the first one with a time wait for it."""
 
-    def __init__(self) -> None:
-        self.first: int | None = None
-        self._waiting = 0
+    def __init__(self, state: ReadState, dated: Callable[[], bool] = lambda: True) -> None:
+        self.waiting: list[Columns] = []
+        self.state = state
+        self._first: int | None = None
+        self._early = 0  # frames without a time, at the beginning
         self._latest = 0
+        self._dated = True
+        self._ask: Callable[[], bool] | None = dated
 
-    def step(self, ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        """Times in s of the next frames; before the first one that has a time all are 0."""
+    def begin(self) -> None:
+        """Ask, once, whether times count from 1970."""
+        if self._ask is not None:
+            self._dated, self._ask = self._ask(), None
+
+    def step(
+        self, ns: npt.NDArray[np.int64], chunk: Columns, wanted: WantedIds | None = None
+    ) -> Iterator[Columns]:
+        """The next frames with their times, s, and at the first time those that waited."""
+        begun = self._first is not None
+        chunk = chunk._replace(t=self._seconds(ns))
+        if self._first is None:
+            self.waiting += [chunk] if ns.size else []
+            return
+        if not begun:
+            if self._dated:
+                self.state.start_ns = self._first
+            chunk, self.waiting = join([*self.waiting, chunk]), []
+        chunk = chunk if wanted is None else select(chunk, wanted.rows(chunk.id))
+        if chunk.t.size:
+            yield chunk
+
+    def _seconds(self, ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         early = 0
-        if self.first is None:
-            stamped = np.flatnonzero(ns)
-            early = min(int(stamped[0]) if stamped.size else len(ns), MAX_WAITING - self._waiting)
-            self._waiting += early
+        if self._first is None:
+            stamped = np.flatnonzero(ns) if self._dated else np.arange(len(ns))
+            early = min(int(stamped[0]) if stamped.size else len(ns), MAX_WAITING - self._early)
+            self._early += early
             if early == len(ns):
                 return np.zeros(early)
             at = int(ns[early])
-            self.first = at if at >= _FLOOR_NS or not self._waiting else 0
+            self._first = at if at >= _FLOOR_NS or not self._early else 0
             self._latest = at
         stamps = np.concatenate([[self._latest], ns[early:]])
-        if self.first >= _FLOOR_NS:
+        if self._first >= _FLOOR_NS:
             stamps = stamps[np.maximum.accumulate(np.where(stamps != 0, np.arange(len(stamps)), 0))]
         self._latest = int(stamps[-1])
-        return np.concatenate([np.zeros(early), (stamps[1:] - self.first).astype(np.float64) * 1e-9])
+        return np.concatenate([np.zeros(early), (stamps[1:] - self._first).astype(np.float64) * 1e-9])
 
 
 def _one_by_one(
-    block: Block, fixed: LineColumns, take: Take, state: ReadState, count: LineCount
+    block: Block, fixed: LineColumns, take: Take, times: Times, count: LineCount
 ) -> list[tuple[int, Row]]:
     """The frames of lines that are not parsed yet, each with its row."""
     rows = []
     for n, k in enumerate(np.flatnonzero(~fixed.found & filled(block)).tolist()):
         begin = int(block.ends[k - 1]) if k else 0
         if n % PROGRESS_LINES == 0:
-            state.unpacked = block.at + begin
+            times.state.unpacked = block.at + begin
         item = line(block, k, begin, int(block.ends[k]))
         row = _taken(item, take, count)
         if row is not None:
+            times.begin()
             rows.append((k, row))
     return rows
 
@@ -206,10 +187,6 @@ def _taken(item: Line, take: Take, count: LineCount) -> Row | None:
         count.miss(item, "its time is damaged")
         return None
     return row
-
-
-def _frame(row: Row, ns: int) -> Frame:
-    return Frame(ns * 1e-9, row.bus, row.id, row.data, row.flags, row.length)
 
 
 def checked_id(id_: int, *, extended: bool | None = None) -> tuple[int, int]:

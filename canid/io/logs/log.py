@@ -5,22 +5,19 @@ from __future__ import annotations
 import datetime
 import importlib
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TypeVar
 
 from canid.io.logs import content, formats
 from canid.io.logs.input_file import regular_file
 from canid.io.logs.local_time import zone_of
-from canid.io.logs.reader_state import Note, Read, ReadColumns, ReadState
+from canid.io.logs.reader_state import Note, Read, ReadState
 from canid.io.logs.text_lines import MAX_TIME_NS
 from canid.values import timestamps
 from canid.values.errors import ConfigError, LogError
-from canid.values.frame_columns import WantedIds, chunks
+from canid.values.frame_columns import WantedIds, frames_of
 from canid.values.shipped_files import located
 from canid.values.types import Columns, Damage, Frame
-
-_T = TypeVar("_T")
 
 
 class Log:
@@ -33,7 +30,6 @@ class Log:
         self,
         path: Path,
         read: Read,
-        read_columns: ReadColumns | None,
         form: formats.Format,
         zone: datetime.tzinfo | None = None,
     ):
@@ -41,14 +37,13 @@ class Log:
         self.format = form
         self._zone = zone
         self._read = read
-        self._read_columns = read_columns
         # interface -> bus, where the format has names (candump); see `values.bus_names`
         self.buses: dict[str, int] = {}
         self._state = self._new_state()
         # the first frame, for the start
-        frames = read(path, self._state)
-        next(frames, None)
-        frames.close()  # type: ignore[attr-defined]  # it is a generator: close the file now
+        chunks = read(path, self._state, None)
+        next(chunks, None)
+        chunks.close()  # type: ignore[attr-defined]  # it is a generator: close the file now
         self._first_remarks = tuple(self._state.remarks)
         start = self._state.start_ns
         # as `start_utc`, exactly; None where the log does not state it, or one that is 146 years away or more
@@ -125,7 +120,8 @@ class Log:
         return min(1.0, self._state.done / self._state.size) if self._state.size else 1.0
 
     def __iter__(self) -> Iterator[Frame]:
-        return self._pass(self._read)
+        for chunk in self.columns():
+            yield from frames_of(chunk)
 
     def columns(self, ids: Iterable[int] | None = None, notes: list[Note] | None = None) -> Iterator[Columns]:
         """The frames as columns, some thousands at a time: however long the log, memory is bounded.
@@ -136,17 +132,9 @@ class Log:
         frames that they precede; the caller may empty the list. Their rows count all frames yielded.
         """
         wanted = None if ids is None else WantedIds(ids)
-        columns = self._read_columns
-        if columns is None:
-            return self._pass(lambda path, state: chunks(self._read(path, state)))
-        return self._pass(lambda path, state: columns(path, state, wanted), notes)
-
-    def _pass(
-        self, read: Callable[[Path, ReadState], Iterator[_T]], notes: list[Note] | None = None
-    ) -> Iterator[_T]:
         state = self._state = self._new_state(notes)
         try:
-            yield from read(self.path, state)
+            yield from self._read(self.path, state, wanted)
         except OSError as error:
             raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
 
@@ -231,8 +219,7 @@ def open_log(path: str | os.PathLike[str], *, time_zone: str | None = None) -> L
         raise LogError(f"{path} is empty")
     module = importlib.import_module(known.module)
     read: Read = getattr(module, known.reader)
-    read_columns: ReadColumns | None = getattr(module, f"{known.reader}_columns", None)
     try:
-        return Log(path, read, read_columns, known, zone)
+        return Log(path, read, known, zone)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from None

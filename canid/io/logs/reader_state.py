@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from canid.values.frame_columns import WantedIds
-from canid.values.types import Columns, Damage, Event, Frame
+from canid.values.types import Columns, Damage, Event
 
 # of a file that was joined of hundreds
 _MAX_REMARKS = 20
@@ -60,7 +60,6 @@ class ReadState:
         return self.other_kinds.total()
 
 
-# A reader of one format. Raises LogError where nothing at all can be read.
-Read = Callable[[Path, ReadState], Iterator[Frame]]
-# The same, as columns; of frames with ids that are not wanted (None: all are) some may be left out.
-ReadColumns = Callable[[Path, ReadState, WantedIds | None], Iterator[Columns]]
+# A reader of one format; of frames with ids that are not wanted (None: all are) some may be left out. Raises LogError where
+# nothing at all can be read.
+Read = Callable[[Path, ReadState, WantedIds | None], Iterator[Columns]]

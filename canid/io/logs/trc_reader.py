@@ -12,15 +12,16 @@ from collections.abc import Iterator
 from decimal import Decimal
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 from canid.io.logs import local_time
 from canid.io.logs.asc.asc_date import local_ns
 from canid.io.logs.blf.blf_layout import DLC_BYTES
+from canid.io.logs.frame_lines import Row, read
 from canid.io.logs.joined_logs import Axis
 from canid.io.logs.reader_state import ReadState
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Bad, Line, LineCount, lines, remote_length
-from canid.values.types import Flag, Frame
+from canid.io.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Bad, Line, remote_length
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Flag
 
 # day 0 of ;$STARTTIME
 _DAY_0 = datetime.datetime(1899, 12, 30)
@@ -86,57 +87,38 @@ def _pattern_1(version: str) -> re.Pattern[str]:
     return re.compile(pattern, re.IGNORECASE)
 
 
-class _Record(NamedTuple):
-    """A frame as written in its line."""
-
-    ns: int  # since its log's zero
-    bus: int
-    id: int
-    data: bytes
-    flags: int
-    length: int
-
-
-def read_trc(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
-    count = LineCount()
+def read_trc(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is one."""
     form = _Form(state.zone)
     axis = Axis(state)
     shift: int | None = None  # of this log's times; None: it had none yet
-    first: int | None = None
-    for line in lines(path, state, count):
+    begun = False
+
+    def take(text: str, line: Line) -> Row | str:
+        nonlocal shift, begun
         # one blank between words: so no pattern backtracks over blanks
-        text = " ".join(line.text.split())
-        if not text:
-            continue
-        try:
-            if text.startswith(";"):
-                count.others[form.comment(text, line.number)] += 1
-                continue
-            if kind := form.other(text):
-                count.others[kind] += 1
-                continue
-            record = form.record(text, line)
-            if form.new:
-                shift, form.new = None, False
-            if abs(record.ns) > MAX_TIME_NS:
-                raise Bad("its time is damaged")
-            if shift is None:
-                shift = axis.begin(form.start_ns, f"line {form.line}" if form.line else "")
-            ns = record.ns + shift
-            if abs(ns) > MAX_TIME_NS:
-                raise Bad("its time is damaged")
-            axis.last = ns
-        except Bad as error:
-            count.miss(line, str(error))
-            continue
-        if first is None:
-            first = ns
+        text = " ".join(text.split())
+        if text.startswith(";"):
+            return form.comment(text, line.number)
+        if kind := form.other(text):
+            return kind
+        record = form.record(text, line)
+        if form.new:
+            shift, form.new = None, False
+        if abs(record.ns) > MAX_TIME_NS:
+            raise Bad("its time is damaged")
+        if shift is None:
+            shift = axis.begin(form.start_ns, f"line {form.line}" if form.line else "")
+        ns = record.ns + shift
+        if abs(ns) > MAX_TIME_NS:
+            raise Bad("its time is damaged")
+        axis.last = ns
+        if not begun:
+            begun = True
             state.start_ns = None if form.start_ns is None else form.start_ns + record.ns
-        count.read += 1
-        t = (ns - first) * 1e-9
-        yield Frame(t, record.bus, record.id, record.data, record.flags, record.length)
-    count.close(path, state)
+        return record._replace(ns=ns)
+
+    return read(path, state, take, wanted, dated=lambda: False)
 
 
 def _ns_of_ms(text: str) -> int:
@@ -244,7 +226,7 @@ class _Form:
         if self._numbers is not None:
             self._begin(self._comment)
 
-    def record(self, text: str, line: Line) -> _Record:
+    def record(self, text: str, line: Line) -> Row:
         """The frame in a line. Raises Bad.
 
         Behind a comment a log without version and start may begin: its numbers begin again, or it is of version 1.0.
@@ -266,7 +248,7 @@ class _Form:
         self._numbers = (self._numbers or (number, number))[0], number
         return made
 
-    def _read(self, text: str, line: Line) -> _Record:
+    def _read(self, text: str, line: Line) -> Row:
         match = self._frame.fullmatch(text)
         if not match:
             raise Bad("its columns are not those of a frame" if line.whole else "the file ends in it")
@@ -288,7 +270,7 @@ class _Form:
         if kind == "RR" or (not kind and words.upper() == "RTR"):
             if kind and words:
                 raise Bad("it is a remote frame and has data")
-            return _Record(ns, bus, id_, b"", flags | int(Flag.REMOTE), remote_length(announced))
+            return Row(ns, bus, id_, b"", flags | int(Flag.REMOTE), remote_length(announced))
         if not _OCTETS.fullmatch(words):
             raise Bad("its data are not hexadecimal bytes")
         data = bytes.fromhex(words)
@@ -298,7 +280,7 @@ class _Form:
                 if line.whole
                 else "the file ends in it"
             )
-        return _Record(ns, bus, id_, data, flags, -1)
+        return Row(ns, bus, id_, data, flags, -1)
 
     @staticmethod
     def _announced(part: dict[str, str], flags: int) -> int:

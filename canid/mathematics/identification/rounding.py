@@ -8,6 +8,8 @@ from canid.values.types import Array
 
 # of a step, by which a float may be off its lattice
 LATTICE_ROUNDING = 0.02
+# of a unit; finer decimals are the rounding of floats
+DECIMALS = 1e-9
 
 
 def lattice_step(value: Array) -> float:
@@ -27,6 +29,20 @@ def lattice_step(value: Array) -> float:
     off = np.abs(apart / step - np.round(apart / step))
     # values on no lattice have all distances; a sum of two rounded signals a finer one
     return round(step, 12) if bool((off < LATTICE_ROUNDING).all()) and len(apart) >= 2 else 0.0
+
+
+def decimals_step(value: Array) -> float:
+    """Largest number that all readings are lie apart by multiples of (greatest common divisor), to a billionth.
+
+    Readings on a line rarely show a lattice, and their decimals do.
+
+    Args:
+        value: (n,) finite.
+
+    >>> round(decimals_step(np.array([0.1, 0.1333, 0.1667, 0.2])), 9)
+    0.0001
+    """
+    return DECIMALS * float(np.gcd.reduce(np.rint(np.diff(value) / DECIMALS).astype(np.int64)))
 
 
 def variance(value: Array) -> float:

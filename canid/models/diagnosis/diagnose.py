@@ -61,20 +61,10 @@ def diagnose(
         settings = Settings(LANE_CATALOGUE if catalogue is None else catalogue, minimum, progress)
         context = lane_keeping.context(trace)
     else:
-        every = CATALOGUE if catalogue is None else catalogue
-        settings = Settings(_shown_by(trace, every), minimum, progress, rivals)
+        settings = Settings(CATALOGUE if catalogue is None else catalogue, minimum, progress, rivals)
         context = corrections.diagnose_context(trace, settings.catalogue)
-    report = _diagnosed(trace, context, settings)._replace(signals=trace.findings, time=of_trace(trace))
-    report = report._replace(steps=(*(f"{capitalised(end.says)}." for end in reached(trace)), *report.steps))
+    report = _diagnosed(trace, context, settings)
     return _arbitrated(report, [trace], estimators or {}) if arbitrated else report
-
-
-def _shown_by(trace: Trace, catalogue: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Effects that this output can show: one that is itself updated slowly shows no holds and no rhythm of the driver's."""
-    if all(finding.name != "output_slow" for finding in trace.findings):
-        return catalogue
-    still = {Detector.PEDAL_HOLDS, Detector.PEDAL_RHYTHM}
-    return tuple(effect for effect in catalogue if not still & set(effect.detectors))
 
 
 def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str, Any]) -> Report:
@@ -133,12 +123,11 @@ def diagnose_drives(
     Raises:
         ConfigError: the drives differ in step, inputs, or output filter.
     """
-    joined = join([with_limits(trace) for trace in traces])
+    joined = join(traces)
     several = Several(joined.spans, tuple(names))
     settings = Settings(catalogue, minimum, progress, rivals, several, null_gain)
     context = corrections.diagnose_context(joined.trace, catalogue)
-    diagnosed = _diagnosed(joined.trace, context, settings)
-    report = diagnosed._replace(signals=joined.trace.findings, time=joined.time)
+    report = _diagnosed(joined.trace, context, settings)._replace(time=joined.time)
     return _arbitrated(report, traces, estimators or {}) if arbitrated else report
 
 
@@ -179,19 +168,32 @@ def diagnose_car(
         def part(done: float, k: int = k) -> None:
             progress((k + done) / len(traces))
 
-        diagnosed = _diagnosed(trace, context, Settings(catalogue, minimum, part, rivals))
-        report = diagnosed._replace(signals=trace.findings, time=of_trace(trace), drives=car.drives)
-        out.append(_arbitrated(report, [trace], estimators or {}))
+        report = _diagnosed(trace, context, Settings(catalogue, minimum, part, rivals))
+        out.append(_arbitrated(report._replace(drives=car.drives), [trace], estimators or {}))
     return tuple(out)
 
 
 def _diagnosed(trace: Trace, context: corrections.Context, settings: Settings) -> Report:
-    """Correct, prepare, search, assess, report: of either task."""
+    """Correct, prepare, search, assess, report: of either task, of one drive or of several on one trace."""
     task = lane_keeping if trace.input_names == TASK_INPUTS["lane_keeping"] else car_following
+    settings = settings._replace(catalogue=_shown_by(trace, settings.catalogue))
     corrected = corrections.correct(trace, context, settings)
     try:
         prepared = task.prepare(corrected)
         searched = task.search(prepared)
-        return report(task.assess(searched))
+        made = report(task.assess(searched))
     except TooLittleError as missing:
-        return nothing(corrected, missing)
+        made = nothing(corrected, missing)
+    steps = (*(f"{capitalised(end.says)}." for end in reached(trace)), *made.steps)
+    return made._replace(signals=trace.findings, time=of_trace(trace), steps=steps)
+
+
+def _shown_by(trace: Trace, catalogue: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Effects that this output can show: one that is itself updated slowly shows no holds and no rhythm of the driver's.
+
+    Of several drives together a slow one holds the search back on all: it is one search.
+    """
+    if all(finding.name != output_stamps.SLOW for finding in trace.findings):
+        return catalogue
+    still = {Detector.PEDAL_HOLDS, Detector.PEDAL_RHYTHM}
+    return tuple(effect for effect in catalogue if not still & set(effect.detectors))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.mathematics.identification.rounding import lattice_step
+from canid.mathematics.identification.rounding import decimals_step, lattice_step
 from canid.values.types import NAN, Array
 
 # s; ten readings of a signal of 1 Hz
@@ -24,8 +24,6 @@ JUMP_FACTOR, JUMP_SHARE = 2.5, 0.6
 MIN_CHANGES, MIN_COHERENT_KNOTS, PERIODS, COHERENT = 12, 6, np.linspace(0.97, 1.03, 13), 0.9
 # times the resolution, by which rounding bends a straight line at most
 STRAIGHT = 2.05
-# of a unit; finer decimals are the rounding of floats
-DECIMALS = 1e-9
 # of every second reading, that must be straight where it is the middle of a line; and at most of the others
 BETWEEN_SHARE, KNOT_SHARE = 0.95, 0.6
 # times that, by which knots bend it
@@ -180,10 +178,8 @@ def _joined(t: Array, value: Array, resolution: float) -> float:
     dt = np.diff(t)
     slope = np.diff(value) / dt
     bend = np.abs(np.diff(slope)) * np.minimum(dt[1:], dt[:-1])
-    # a line's few values rarely show a lattice, and its decimals do
-    decimals = DECIMALS * float(np.gcd.reduce(np.rint(np.diff(value) / DECIMALS).astype(np.int64)))
     limit = max(
-        STRAIGHT * max(resolution, decimals),
+        STRAIGHT * max(resolution, decimals_step(value)),
         FLOAT_ROUNDING * float(np.abs(value).max()),
     )
     bent = bend > limit

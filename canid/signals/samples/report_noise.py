@@ -9,9 +9,10 @@ filter's innovations are white (Mehra 1970), by stochastic approximation.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
-from canid.values.state_constraints import FINITE, POSITIVE
+from canid.values.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
 from canid.values.types import NAN
 
 
@@ -30,6 +31,8 @@ BELIEF = 5.0
 MEMORY = 1200.0
 # one step of a fine resolution: a rounded signal that stands still shows no noise at all
 LEAST = Noise(0.02, 0.005)
+# m; a smaller change is the rounding of a conversion
+LEAST_CHANGE = 1e-6
 # squared differences beyond so many variances count as so many: another target is no noise
 MAX_SQUARE = 9.0
 # of the spacing of the reports that a difference joins, at most, and s
@@ -54,6 +57,9 @@ class State(NamedTuple):
     rates: Annotated[float, POSITIVE] = BELIEF
     jerk: Annotated[float, POSITIVE] = JERK_DENSITY  # (m/s³)²·s
     last: Annotated[float, FINITE] = 0.0  # innovation of the last report, in its sd
+    step: Annotated[float, NOT_NEGATIVE] = math.inf  # m, smallest change of the gap so far
+    changes: Annotated[float, FINITE] = 1.0  # of the gap, per report
+    reported: float = NAN  # m, the last gap, without the own way
     # the last reports, newest first: time, gap, range rate
     recent: tuple[tuple[float, float, float], ...] = ()
 
@@ -73,12 +79,30 @@ def noise(state: State, stated: Noise) -> Noise:
     return Noise(gap, rate)
 
 
+def for_filter(state: State, stated: Noise) -> Noise:
+    """Return the noise of independent reports that say as much: a gap's error of rounding lasts until it changes.
+
+    >>> coarse = State(gap_square=0.01, step=2.0, changes=0.05)
+    >>> [round(of(coarse, Noise()).gap, 2) for of in (noise, for_filter)]
+    [0.1, 2.52]
+    """
+    seen = noise(state, stated)
+    if not math.isfinite(state.step):
+        return seen
+    # a gap that changes with every report shows its rounding as noise
+    stays = 1.0 / max(state.changes, 1.0 / MEMORY) - 1.0
+    rounding = state.step * state.step / 12.0 * max(stays, 0.0)
+    return seen._replace(gap=max(seen.gap, rounding**0.5))
+
+
 def another_target(state: State) -> State:
     """Keep what is known of the radar; its next reports are of something else."""
-    return state._replace(recent=(), last=0.0)
+    return state._replace(recent=(), last=0.0, reported=NAN)
 
 
-def step(state: State, t: float, gap: float, rate: float, innovation: float, dt: float) -> State:
+def step(
+    state: State, t: float, gap: float, rate: float, innovation: float, dt: float, reported: float = NAN
+) -> State:
     """Take one report.
 
     Args:
@@ -88,6 +112,7 @@ def step(state: State, t: float, gap: float, rate: float, innovation: float, dt:
         rate: m/s, NaN where it has none.
         innovation: of the filter, of the range rate or, where there is none, of the gap, in its standard deviation.
         dt: s since the report before.
+        reported: m, the gap as it came, without the own way.
 
     >>> import random
     >>> draw, state = random.Random(1), State()
@@ -98,6 +123,7 @@ def step(state: State, t: float, gap: float, rate: float, innovation: float, dt:
     """
     recent = ((t, gap, rate), *state.recent[:3])
     gap_square, gaps, rate_square, rates = state.gap_square, state.gaps, state.rate_square, state.rates
+    step, changes = state.step, state.changes
     if len(recent) == 4:
         (t0, g0, r0), (t1, g1, r1), (t2, g2, r2), (t3, g3, _) = recent
         a, b, c = t0 - t1, t1 - t2, t2 - t3
@@ -110,6 +136,11 @@ def step(state: State, t: float, gap: float, rate: float, innovation: float, dt:
             if second == second:
                 rates = min(rates + 1.0, MEMORY)
                 rate_square += (min(second * second / SECOND, MAX_SQUARE * rate_square) - rate_square) / rates
+    moved = abs(reported - state.reported)
+    if moved > LEAST_CHANGE:
+        step = min(step, moved)
+    if moved == moved:
+        changes += ((moved > LEAST_CHANGE) - changes) / gaps
     now = min(max(innovation, -MAX_SD), MAX_SD)
     jerk = state.jerk * (1.0 + min(dt / ADAPTATION_S, 0.05) * now * state.last)
     return State(
@@ -119,5 +150,8 @@ def step(state: State, t: float, gap: float, rate: float, innovation: float, dt:
         rates,
         min(max(jerk, CALMEST), LIVELIEST),
         now,
+        step,
+        changes,
+        reported if reported == reported else state.reported,
         recent,
     )

@@ -287,14 +287,14 @@ def step(
         if gap != gap:
             return state, [], False
         return _start(state, t, gap, range_rate, own_speed, expected, last.rate_at), flush(state, age), False
-    way = 0.0
+    way, reported = 0.0, gap
     if own_speed == own_speed:
         way = last.way + 0.5 * dt * (last.own + own_speed)
         gap, range_rate = gap + way, range_rate + own_speed
     # Rauch, Tung & Striebel 1965, eq. 3.29: what this report will say of the one before depends on no later one
     prior, (FP, N) = expect(last.x, dt), propagated_covariance(last.P, dt, state.shown.jerk)
-    x, P, innovation = update(prior, N, gap, range_rate, expected)
-    shown = report_noise.step(state.shown, t, gap, range_rate, innovation, dt)
+    x, P, innovation = update(prior, N, gap, range_rate, report_noise.for_filter(state.shown, noise))
+    shown = report_noise.step(state.shown, t, gap, range_rate, innovation, dt, reported)
     gap_at = t if gap == gap else last.gap_at
     rate_at = t if range_rate == range_rate else last.rate_at
     now = Filtered(t, x, P, prior, gain(FP, N), gap_at, rate_at, own_speed, way)

@@ -21,7 +21,7 @@ from canid.values.text.names import readable
 
 # s; between the periods of 4 Hz, at which gains hold, and of 3.3 Hz (OBD2 polled), at which they do not always
 MAX_UPDATE_S = 0.28
-# s, of an output: gains held at 2 Hz, on 13 of 16, and at 1 Hz on 3 of 5
+# s, of an output, whose samples are then taken as far apart (mathematics/estimators/output_stamps.py): gains held at 2 Hz
 MAX_OUTPUT_UPDATE_S = 0.55
 # s; between the 0.122 s of 10 Hz of which 10 % of the readings are lost, at which delays hold as without a loss, and the
 # 0.150 s of 20 %, at which they do not; a span of ten seconds knows them to 0.008 and 0.013 s

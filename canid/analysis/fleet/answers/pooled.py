@@ -9,6 +9,7 @@ import numpy as np
 
 from canid.analysis.fleet.answers.estimates import Selection
 from canid.analysis.fleet.answers.labels import unit
+from canid.analysis.fleet.one_log.plain_values import interval_columns
 from canid.analysis.fleet.storage.columns import natural
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.population import drive_table as tables
@@ -153,7 +154,7 @@ def driver_row(population: Population, driver: Driver) -> Mapping[str, object]:
     }
     for end, values in (("", driver.shrunken), ("_own", driver.own)):
         for name, iv in values.items():
-            row |= _interval_columns(f"{natural(name)[0]}{end}", iv)
+            row |= interval_columns(f"{natural(name)[0]}{end}", iv)
     return row
 
 
@@ -167,14 +168,9 @@ def parameter_row(population: Population, parameter: Parameter) -> Mapping[str, 
         "relative": parameter.log,
         "drivers": parameter.drivers,
         "drives": parameter.drives,
-        **_interval_columns("mean", parameter.mean),
-        **_interval_columns("between", parameter.between),
-        **_interval_columns("within", parameter.within),
-        **_interval_columns("new_driver", parameter.new_driver),
+        **interval_columns("mean", parameter.mean),
+        **interval_columns("between", parameter.between),
+        **interval_columns("within", parameter.within),
+        **interval_columns("new_driver", parameter.new_driver),
         "says": parameter.says,
     }
-
-
-def _interval_columns(name: str, iv: Interval) -> dict[str, float | None]:
-    ends = zip(("", "_low", "_high"), iv, strict=True)
-    return {f"{name}{end}": x if math.isfinite(x) else None for end, x in ends}

@@ -19,11 +19,8 @@ def interval_columns(name: str, interval: Interval) -> Row:
         >>> interval_columns("K", Interval(1.0, float("nan"), 2.0))
         {'K': 1.0, 'K_low': None, 'K_high': 2.0}
     """
-    return {
-        name: number(interval.value),
-        f"{name}_low": number(interval.low),
-        f"{name}_high": number(interval.high),
-    }
+    ends = zip(("", "_low", "_high"), interval, strict=True)
+    return {f"{name}{end}": number(x) for end, x in ends}
 
 
 def channel_columns(channels: Mapping[str, Channel]) -> Row:

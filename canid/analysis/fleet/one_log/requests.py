@@ -52,7 +52,7 @@ class Requests:
         self._end()
 
     def _end(self) -> NoReturn:
-        # a confined process may not remove the folder itself: an empty one stays
+        # a confined process may not remove the folder itself: the next run does (`scratch`)
         shutil.rmtree(self._scratch, ignore_errors=True)
         if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
             os.killpg(0, signal.SIGKILL)  # and what it has started itself

@@ -16,8 +16,9 @@ from canid.values.errors import ConfigError
 LOCAL = ("file", "local")
 WEB = ("http", "https")
 S3 = ("s3", "s3a")
+AZURE = ("az", "abfs", "abfss")
 # by fsspec's names: storage that gives bytes and lists names; `memory` is that of this process
-SCHEMES = (*LOCAL, *WEB, *S3, "gs", "gcs", "az", "abfs", "abfss", "oss", "memory")
+SCHEMES = (*LOCAL, *WEB, *S3, "gs", "gcs", *AZURE, "oss", "memory")
 # a scheme, or several links of which one has a scheme
 _FORM = re.compile(r"(?:[A-Za-z][A-Za-z0-9+.-]*::)*([A-Za-z][A-Za-z0-9+.-]*)://", re.ASCII)
 # of botocore: its four retries take 9 s where nothing listens, and canid has its own, which are longer
@@ -104,6 +105,22 @@ def of_path(url: str, path: str) -> str | None:
         ) == wanted:
             return made
     return None
+
+
+def folder_name(place: str) -> str:
+    """The name of a folder by its path or its address; of an address without a path: of its bucket, container or server.
+
+    Example:
+        >>> folder_name("/logs/anna@home/"), folder_name("s3://bucket/anna/"), folder_name("s3://anna")
+        ('anna@home', 'anna', 'anna')
+        >>> folder_name("abfs://anna@account.dfs.core.windows.net/"), folder_name("https://user:word@host/")
+        ('anna', 'host')
+    """
+    name = place.rstrip("/").rpartition("/")[2]
+    if not scheme_of(place) or name != place.partition("://")[2].rstrip("/"):
+        return name
+    container, at, host = name.rpartition("@")
+    return container if at and scheme_of(place) in AZURE else host
 
 
 def _written(url: str, path: str) -> list[str]:

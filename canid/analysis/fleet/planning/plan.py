@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from canid.analysis.fleet.job import Failure, Source
-from canid.analysis.fleet.planning import listing
+from canid.analysis.fleet.planning import address, listing
 from canid.analysis.fleet.planning.folders import FolderPattern, pattern, whose
 from canid.analysis.fleet.planning.listing import Listed
 from canid.analysis.fleet.planning.sources import HEADINGS, read_source
@@ -101,7 +101,7 @@ def _below_named(file: Listed, flat: frozenset[str]) -> str:
     >>> _below_named(Listed("/logs/anna/a.blf", "/logs/anna", 1, 0), frozenset(["/logs/anna"]))
     'anna/a.blf'
     """
-    name = file.root.rstrip("/").rpartition("/")[2]
+    name = address.folder_name(file.root)
     return f"{name}/{file.relative}" if file.root in flat and name else file.relative
 
 

@@ -9,9 +9,7 @@ is in a storage.
 from __future__ import annotations
 
 import os
-import shutil
 import signal
-import tempfile
 import threading
 import time
 from collections.abc import Collection
@@ -19,6 +17,7 @@ from typing import Any
 
 from canid.analysis.fleet.failed import NO_MEMORY
 from canid.analysis.fleet.job import Failure, Job, Outcome, Source, Status
+from canid.analysis.fleet.running.scratch import Scratch
 from canid.values.errors import one_line
 from canid.values.processes import child_process
 from canid.values.processes.child import EXIT_S, EndedError, NoAnswerError, ending
@@ -49,7 +48,7 @@ class Child:
         """The child is started when it is first needed."""
         self._running: ChildProcess | None = None
         self._fetching: ChildProcess | None = None
-        self._scratch = ""
+        self._scratch: Scratch | None = None
         self._sent: set[str] = set()  # sources that this child has
         self._lock = threading.Lock()
         self._closed = False
@@ -161,13 +160,13 @@ class Child:
         return running, ""
 
     def _started(self) -> ChildProcess:
-        self._scratch = tempfile.mkdtemp(prefix="canid-fleet-")
+        self._scratch = Scratch()
         self._sent = set()
         return self._child("canid.analysis.fleet.running.analysis_process", (Status, Failure))
 
     def _child(self, module: str, answers: Collection[type]) -> ChildProcess:
         return ChildProcess(
-            child_process.command(module, str(os.getpid()), self._scratch),
+            child_process.command(module, str(os.getpid()), self._scratch.path if self._scratch else ""),
             {name: value for name, value in os.environ.items() if name != _GIVE_BACK},
             answers=answers,
         )
@@ -177,12 +176,12 @@ class Child:
         with self._lock:
             running, self._running = self._running, None
             fetching, self._fetching = self._fetching, None
-            scratch, self._scratch = self._scratch, ""
+            scratch, self._scratch = self._scratch, None
         code = None if running is None else running.end(patience_s)
         if fetching is not None:
             fetching.end()
-        if scratch:
-            shutil.rmtree(scratch, ignore_errors=True)
+        if scratch is not None:
+            scratch.remove()
         return code
 
 

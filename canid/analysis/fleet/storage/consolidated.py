@@ -10,7 +10,7 @@ from canid.analysis.fleet.storage import generations, parquet_files, parts, type
 from canid.analysis.fleet.storage.columns import LOGS, TABLES, Column
 from canid.io.files import duckdb_files, opening
 from canid.io.files.duckdb_files import Files
-from canid.values.errors import OutputError
+from canid.values.errors import system_errors
 
 # columns of a log that stand in `drives` as well
 OF_THE_LOG = ("log", "driver", "car", "group_name", "status", "failure", "reason", "duplicate_of")
@@ -41,34 +41,31 @@ def written(folder: Path, logs: Iterable[Mapping[str, Any]], check: Callable[[],
     Raises:
         OutputError: they cannot be written, such as on a full disk; those of an earlier run stay.
     """
-    try:
-        with opening.private_folder(folder / "tables") as made, parquet_files.connected(folder) as connection:
-            generations.published(folder)
-            lines = made / "logs.jsonl"
-            numbered = ({_ORDER.name: number, **row} for number, row in enumerate(logs))
-            typed_rows.write_lines(lines, numbered, (_ORDER, *LOGS))
+    with (
+        system_errors(folder),
+        opening.private_folder(folder / "tables") as made,
+        parquet_files.connected(folder) as connection,
+    ):
+        generations.published(folder)
+        lines = made / "logs.jsonl"
+        numbered = ({_ORDER.name: number, **row} for number, row in enumerate(logs))
+        typed_rows.write_lines(lines, numbered, (_ORDER, *LOGS))
+        with duckdb_files.opened() as files:
+            # results are stored by content: the same logs with the same keys have the same rows
+            generation = files.add(lines).sha256()
+            source = parquet_files.of_lines(files, lines, (_ORDER, *LOGS), _MAX_ROW_BYTES)
+            connection.execute(f"CREATE TEMP TABLE plan AS SELECT * FROM {source}")
+        whole = not any(parquet_files.unreadable(connection, folder / f"{name}.parquet") for name in NAMES)
+        if whole and generations.current(folder) == generation:
+            return
+        connection.execute("CREATE TEMP TABLE keys AS SELECT DISTINCT key FROM plan WHERE key IS NOT NULL")
+        for name in NAMES:
             with duckdb_files.opened() as files:
-                # results are stored by content: the same logs with the same keys have the same rows
-                generation = files.add(lines).sha256()
-                source = parquet_files.of_lines(files, lines, (_ORDER, *LOGS), _MAX_ROW_BYTES)
-                connection.execute(f"CREATE TEMP TABLE plan AS SELECT * FROM {source}")
-            whole = not any(
-                parquet_files.unreadable(connection, folder / f"{name}.parquet") for name in NAMES
-            )
-            if whole and generations.current(folder) == generation:
-                return
-            connection.execute(
-                "CREATE TEMP TABLE keys AS SELECT DISTINCT key FROM plan WHERE key IS NOT NULL"
-            )
-            for name in NAMES:
-                with duckdb_files.opened() as files:
-                    query = _query(files, connection, folder, name)
-                    notes = generations.notes(generation)
-                    parquet_files.write(connection, query, made / f"{name}.parquet", notes)
-            lines.unlink()
-            generations.written(folder, made, check)
-    except OSError as error:
-        raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
+                query = _query(files, connection, folder, name)
+                notes = generations.notes(generation)
+                parquet_files.write(connection, query, made / f"{name}.parquet", notes)
+        lines.unlink()
+        generations.written(folder, made, check)
 
 
 def _query(files: Files, connection: Any, folder: Path, table: str) -> str:

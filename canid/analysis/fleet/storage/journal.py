@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from canid.analysis.fleet.storage import lock, typed_rows
 from canid.analysis.fleet.storage.columns import TABLES
 from canid.io.files import opening
-from canid.values.errors import OutputError
+from canid.values.errors import system_errors
 
 # s; what a power cut may cost. A disk syncs in 1 to 20 ms, logs of a second on many cores come every few
 SYNC_S = 1.0
@@ -64,31 +64,30 @@ class Journal:
         data = body + typed_rows.line(
             LAST, {**last, "block_bytes": len(body), "block_crc32": zlib.crc32(body)}
         )
-        try:
-            done = 0
-            view = memoryview(data)
-            while done < len(view):
-                done += os.write(self._fd, view[done:])
-            self._unsynced += 1
-            now = time.monotonic()
-            if self._unsynced >= SYNC_OUTCOMES or now - self._synced >= SYNC_S:
-                self.sync()
-        except OSError as error:
-            with suppress(OSError):
-                os.ftruncate(self._fd, self.size)
-                os.lseek(self._fd, self.size, os.SEEK_SET)
-            raise _unwritable(self.path, error) from None
+        with system_errors(self.path):
+            try:
+                self._append(memoryview(data))
+            except OSError:
+                with suppress(OSError):
+                    os.ftruncate(self._fd, self.size)
+                    os.lseek(self._fd, self.size, os.SEEK_SET)
+                raise
         self.size += len(data)
         self.outcomes += 1
 
+    def _append(self, data: memoryview) -> None:
+        while len(data):
+            data = data[os.write(self._fd, data) :]
+        self._unsynced += 1
+        if self._unsynced >= SYNC_OUTCOMES or time.monotonic() - self._synced >= SYNC_S:
+            self.sync()
+
     def blocks(self) -> Iterator[Block]:
         """The whole blocks, up to the first that is not whole; `size` is their bytes then. Raises OutputError."""
-        try:
+        with system_errors(self.path, "read"):
             for block in _blocks(self._read()):
                 self.size = block.end
                 yield block
-        except OSError as error:
-            raise OutputError(f"{self.path}: cannot be read ({error.strerror})") from None
 
     def rows(self) -> Iterator[tuple[str, bytes]]:
         """The rows of all tables in the whole blocks, each with its table's name; `LAST` is one of them. Raises OSError."""
@@ -126,11 +125,10 @@ class Journal:
         if self._fd < 0:
             return
         try:
-            os.fsync(self._fd)
-            if os.fstat(self._fd).st_size == 0:
-                self.remove()
-        except OSError as error:
-            raise _unwritable(self.path, error) from None
+            with system_errors(self.path):
+                os.fsync(self._fd)
+                if os.fstat(self._fd).st_size == 0:
+                    self.remove()
         finally:
             self.end()
 
@@ -143,10 +141,8 @@ class Journal:
 
 def create(path: Path) -> Journal:
     """A new journal. Raises OutputError."""
-    try:
+    with system_errors(path):
         fd = opening.create(path)
-    except OSError as error:
-        raise _unwritable(path, error) from None
     with suppress(OSError):  # the folder's lock has shown that the file system has locks
         lock.is_free(fd, at=_LOCKED_BYTE)
     return Journal(path, fd)
@@ -198,7 +194,3 @@ def _row(line: bytes) -> dict[str, Any] | None:
     except ValueError:
         return None
     return row if isinstance(row, dict) else None
-
-
-def _unwritable(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"{path}: cannot be written ({error.strerror})")

@@ -25,7 +25,7 @@ from canid.analysis.fleet.storage.journal import Journal
 from canid.analysis.fleet.storage.outcome_rows import OUTCOMES
 from canid.io.files import duckdb_files, opening
 from canid.io.files.duckdb_files import Files
-from canid.values.errors import OutputError
+from canid.values.errors import OutputError, system_errors
 
 # A run adds a part, however small: more than these, and reading their files takes longer than merging them.
 MAX_PARTS = 64
@@ -54,7 +54,7 @@ def recovered(folder: Path) -> Recovered:
     """
     segments, made = folder / "segments", folder / "parts"
     left: list[Journal] = []
-    try:
+    with ExitStack() as ends, system_errors(folder):
         for path in (segments, made):
             path.mkdir(exist_ok=True)
             if not stat.S_ISDIR(os.lstat(path).st_mode):
@@ -67,6 +67,7 @@ def recovered(folder: Path) -> Recovered:
             ended = journal.left(path) if _range(path, ".jsonl") else None
             if ended is not None:
                 left.append(ended)
+                ends.callback(ended.end)
             elif not path.name.startswith("."):
                 strays.append(path)
         _delete_left(folder)
@@ -75,14 +76,7 @@ def recovered(folder: Path) -> Recovered:
         _check(folder, present)
         present = _without_covered(folder, present)
         journals = [old for old in left if not _is_part(folder, old, present)]
-    except OSError as error:
-        for old in left:
-            old.end()
-        raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
-    except BaseException:
-        for old in left:
-            old.end()
-        raise
+        ends.pop_all()
     notes = [f"{path}: is no result of canid fleet: ignored" for path in strays[:_MAX_STRAYS]]
     if strays[_MAX_STRAYS:]:
         notes.append(f"{folder}: {len(strays[_MAX_STRAYS:]):,} more files like these")
@@ -204,7 +198,7 @@ def merged(folder: Path, check: Callable[[], object]) -> None:
 @contextmanager
 def _made(made: Path, check: Callable[[], object]) -> Iterator[Path]:
     """A folder in which a part is written; it gets its name when it is left without an error. Raises OutputError."""
-    try:
+    with system_errors(made):
         with opening.private_folder(made) as staged:
             yield staged
             opening.sync_folder(staged)
@@ -213,8 +207,6 @@ def _made(made: Path, check: Callable[[], object]) -> Iterator[Path]:
             check()
             os.rename(staged, made)
         opening.sync_folder(made.parent)
-    except OSError as error:
-        raise OutputError(f"{error.filename or made}: cannot be written ({error.strerror})") from None
 
 
 def _write(segment: Journal, staged: Path) -> None:
@@ -327,12 +319,10 @@ def _foreign(part: Path) -> Path | None:
 
 def _delete(covered: Sequence[Path]) -> None:
     """Delete parts: first all names, so that no kill leaves half a part. Raises OutputError."""
-    try:
+    with system_errors("parts", "deleted"):
         gone = [path.rename(opening.temporary_name(path)) for path in covered]
         for path in gone:
             shutil.rmtree(path)
-    except OSError as error:
-        raise OutputError(f"{error.filename}: cannot be deleted ({error.strerror})") from None
 
 
 def outcomes(folder: Path) -> Iterator[dict[str, Any]]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from canid.analysis.fleet.storage.columns import TABLES, schema
 from canid.analysis.fleet.storage.lock import Lock
 from canid.analysis.fleet.storage.outcome_rows import OUTCOMES, Known, identity, known
 from canid.io.files import opening
-from canid.values.errors import ConfigError, OutputError
+from canid.values.errors import ConfigError, OutputError, system_errors
 
 # grows when a later canid could not read an earlier folder
 SCHEMA = 1
@@ -48,7 +48,9 @@ class Store:
         self.by_identity: dict[bytes, Known] = {}
         self.by_key: dict[str, Known] = {}
         journals, self.notes = parts.recovered(folder)  # `notes`: what is in the folder and is not used
-        try:
+        with ExitStack() as ends, system_errors(folder):
+            for left in journals:
+                ends.callback(left.end)
             for row in parts.outcomes(folder):
                 self._know(row)
             for left in journals:
@@ -56,11 +58,6 @@ class Store:
                     self._know(block.row)
                 parts.sealed(folder, left, self.check)
                 left.remove()
-        except OSError as error:
-            raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
-        finally:
-            for left in journals:
-                left.end()
         self._forget_without_results()
         self._journal = journal.create(parts.next_segment(folder))
 
@@ -133,10 +130,8 @@ class Store:
         parts.sealed(self.folder, before, self.check)
         # before the other one is gone: a journal is locked at any time
         self._journal = journal.create(parts.next_segment(self.folder))
-        try:
+        with system_errors(before.path, "deleted"):
             before.remove()
-        except OSError as error:
-            raise OutputError(f"{before.path}: cannot be deleted ({error.strerror})") from None
         parts.merged(self.folder, self.check)
         self._made()
 
@@ -172,19 +167,15 @@ def opened(path: str | Path, made: Callable[[], object] = lambda: None) -> Itera
     if typed_rows.text(folder) != str(folder):
         raise ConfigError(f"{folder}: DuckDB cannot open files in a folder of this name; choose another one")
     _check(folder)
-    try:
+    with system_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from None
     with lock.held(folder) as held:
         with parquet_files.connected(folder):
             pass  # an installation without DuckDB is noticed before anything is analysed
         if not os.path.exists(folder / MARK):
             note(folder, held.check)
-        try:
+        with system_errors(folder):
             generations.published(folder)
-        except OSError as error:
-            raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
         store = Store(folder, held, made)
         try:
             yield store

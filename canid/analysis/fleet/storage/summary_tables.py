@@ -10,7 +10,7 @@ from typing import Any
 from canid.analysis.fleet.storage import generations, lock, parquet_files, typed_rows
 from canid.analysis.fleet.storage.columns import SUMMARIES
 from canid.io.files import duckdb_files, opening
-from canid.values.errors import OutputError
+from canid.values.errors import system_errors
 
 
 def kept(folder: Path, generation: str, tables: Mapping[str, Iterable[Mapping[str, Any]]]) -> bool:
@@ -43,20 +43,18 @@ def written(folder: Path, tables: Mapping[str, Iterable[Mapping[str, Any]]], gen
     Raises:
         OutputError: they cannot be written, such as on a full disk; those of an earlier run stay.
     """
-    try:
-        with (
-            opening.private_folder(folder / "tables") as made,
-            parquet_files.connected(folder) as connection,
-            duckdb_files.opened() as files,
-        ):
-            for name, rows in tables.items():
-                lines, new = made / f"{name}.jsonl", made / f"{name}.parquet"
-                typed_rows.write_lines(lines, rows, SUMMARIES[name])
-                source = parquet_files.of_lines(files, lines, SUMMARIES[name])
-                notes = generations.notes(generation) if generation else {}
-                parquet_files.write(connection, f"SELECT * FROM {source}", new, notes)
-            for name in tables:
-                os.replace(made / f"{name}.parquet", folder / f"{name}.parquet")
-            opening.sync_folder(folder)
-    except OSError as error:
-        raise OutputError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
+    with (
+        system_errors(folder),
+        opening.private_folder(folder / "tables") as made,
+        parquet_files.connected(folder) as connection,
+        duckdb_files.opened() as files,
+    ):
+        for name, rows in tables.items():
+            lines, new = made / f"{name}.jsonl", made / f"{name}.parquet"
+            typed_rows.write_lines(lines, rows, SUMMARIES[name])
+            source = parquet_files.of_lines(files, lines, SUMMARIES[name])
+            notes = generations.notes(generation) if generation else {}
+            parquet_files.write(connection, f"SELECT * FROM {source}", new, notes)
+        for name in tables:
+            os.replace(made / f"{name}.parquet", folder / f"{name}.parquet")
+        opening.sync_folder(folder)

@@ -43,8 +43,8 @@ from canid.io.logs.text_lines import (
 )
 from canid.values import timestamps
 from canid.values.errors import DamagedLogError
-from canid.values.frame_columns import WantedIds, frames_of, keep_memory, select
-from canid.values.types import Columns, Event, Flag, Frame
+from canid.values.frame_columns import WantedIds, keep_memory, select
+from canid.values.types import Columns, Event, Flag
 
 # written by canid: the start, independent of time zone, language and digits
 EXACT_START_PREFIX = "// start, epoch ns: "
@@ -65,13 +65,7 @@ _HEADER_KIND, _COMMENT_KIND, _EVENT_KIND = "header lines", "comments", "events"
 _ERROR = int(Flag.ERROR)
 
 
-def read_asc(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
-    for chunk in read_asc_columns(path, state):
-        yield from frames_of(chunk)
-
-
-def read_asc_columns(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+def read_asc(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
     """Columns in the order of the file; raises LogError where no line is a frame.
 
     `wanted`: frames with other ids may be left out.

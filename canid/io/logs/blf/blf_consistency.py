@@ -13,26 +13,17 @@ import numpy.typing as npt
 
 from canid.io.logs.blf import blf_layout as blf
 from canid.io.logs.blf import blf_object_kinds
+from canid.io.logs.blf.blf_dtypes import HEADER_FIELDS, HEADER_SIZE
 from canid.io.logs.blf.blf_layout import Data
 from canid.io.logs.blf.blf_object_chain import Chain, signatures
 
-_HEADER_SIZE = {1: blf.OBJECT_V1_SIZE, 2: blf.OBJECT_V2_SIZE}
 # sizes of objects with a CAN frame, by the version of their header: classic, classic extended, error, FD
 _FRAME_BODIES = (blf.CLASSIC.size, blf.CLASSIC.size + 8, blf.ERROR_EXT.size, blf.FD.size, blf.FD.size + 4)
 # types whose objects have such a size themselves: triggers, LIN messages, checksum errors, the clock
 _OWN_SIZE = {5: 24, 11: 24, 12: 24, 51: 16}
 _CLASSIC_FLAGS = 0xE1  # of a classic frame: sent, NERR, wake-up, remote
 _MOST_CHANNELS = 256
-_OBJECT_HEAD = np.dtype(
-    [
-        ("signature", "<u4"),
-        ("header_size", "<u2"),
-        ("version", "<u2"),
-        ("size", "<u4"),
-        ("kind", "<u4"),
-        ("unit", "<u4"),
-    ]
-)
+_OBJECT_HEAD = np.dtype(HEADER_FIELDS[:6])  # up to the unit
 
 
 def contradiction(data: Data, position: int, links: Chain) -> str:
@@ -83,8 +74,8 @@ def _padded(data: Data, position: int, links: Chain) -> bool:
 
 def _like_a_frame(data: Data, begin: int, size: int, kind: int, header_size: int, version: int) -> bool:
     """Whether an object of another type has all that a CAN frame has: size, channel, flags, DLC and id."""
-    body = size - _HEADER_SIZE.get(version, 0)
-    if header_size != _HEADER_SIZE.get(version) or body not in _FRAME_BODIES or _OWN_SIZE.get(kind) == body:
+    body = size - HEADER_SIZE.get(version, 0)
+    if header_size != HEADER_SIZE.get(version) or body not in _FRAME_BODIES or _OWN_SIZE.get(kind) == body:
         return False
     if body == blf.ERROR_EXT.size:
         channel, _, _, _, _, dlc, _, word, *_ = blf.ERROR_EXT.unpack_from(data, begin + header_size)
@@ -102,7 +93,7 @@ def _overlaps(data: Data, links: Chain) -> bool:
     begin, heads = signatures(data, int(links.begin[0]))
     inside = ~np.isin(begin, links.begin) & (begin < links.rest)
     begin, heads = begin[inside], heads[inside]
-    plausible = np.isin(heads["version"], list(_HEADER_SIZE)) & np.isin(
+    plausible = np.isin(heads["version"], list(HEADER_SIZE)) & np.isin(
         heads["kind"], list(blf.MAX_OBJECT_BYTES)
     )
     plausible &= heads["header_size"] == np.where(

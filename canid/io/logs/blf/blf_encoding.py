@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from canid.io.logs.blf import blf_layout as blf
+from canid.io.logs.blf.blf_dtypes import LAYOUTS
 from canid.io.logs.own_times import check_own_times
-from canid.values.frame_columns import select
+from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, select
 from canid.values.types import Columns, Flag
 
 _ERROR, _FD, _EXTENDED = int(Flag.ERROR), int(Flag.FD), int(Flag.EXTENDED)
 _REMOTE, _TX, _BRS, _ESI = int(Flag.REMOTE), int(Flag.TX), int(Flag.BRS), int(Flag.ESI)
-CLASSIC_BYTES, FD_BYTES = 8, 64
 # a channel is its bus plus one, in two bytes
 _MAX_BUS = 0xFFFE
 # DLC codes of all lengths; beyond 64 there is none
@@ -25,57 +25,6 @@ _FLAGS = np.arange(256)
 _HOW = (np.where(_FLAGS & _TX, blf.TX, 0) | np.where(_FLAGS & _REMOTE, blf.REMOTE, 0)).astype(np.uint8)
 _FD_FLAGS = np.where(_FLAGS & _BRS, blf.FD_BRS, 0) | np.where(_FLAGS & _ESI, blf.FD_ESI, 0)
 _FD_FLAGS = (blf.FD_EDL | _FD_FLAGS).astype(np.uint8)
-
-
-class _Kind(NamedTuple):
-    """Objects of one type: their fields in the file, and an object in which everything is set that never changes."""
-
-    dtype: np.dtype[Any]
-    blank: npt.NDArray[Any]
-
-
-def _kind(number: int, body: int, fields: dict[str, tuple[str, int]]) -> _Kind:
-    """`fields`: numpy's type and the place behind the object header of each."""
-    at = {"stamp": ("<u8", blf.OBJECT_V1_SIZE - 8)}
-    at |= {name: (kind, blf.OBJECT_V1_SIZE + place) for name, (kind, place) in fields.items()}
-    size = blf.OBJECT_V1_SIZE + body
-    dtype = np.dtype(
-        {
-            "names": list(at),
-            "formats": [kind for kind, _ in at.values()],
-            "offsets": [place for _, place in at.values()],
-            "itemsize": size,
-        }
-    )
-    head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT_V1_SIZE, 1, size, number)
-    head += blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, 0)
-    return _Kind(dtype, np.frombuffer(head.ljust(size, b"\0"), np.uint8))
-
-
-# the places of `blf_layout.CLASSIC`, `FD` and `ERROR_EXT`
-_CLASSIC = _kind(
-    blf.CAN_MESSAGE,
-    blf.CLASSIC.size,
-    {"channel": ("<u2", 0), "how": ("u1", 2), "dlc": ("u1", 3), "id": ("<u4", 4), "data": ("8u1", 8)},
-)
-_CAN_FD = _kind(
-    blf.CAN_FD_MESSAGE,
-    blf.FD.size,
-    {
-        "channel": ("<u2", 0),
-        "how": ("u1", 2),
-        "dlc": ("u1", 3),
-        "id": ("<u4", 4),
-        "fd": ("u1", 13),
-        "valid": ("u1", 14),
-        "data": ("64u1", 20),
-    },
-)
-_ERROR_EXT = _kind(
-    blf.CAN_ERROR_EXT,
-    blf.ERROR_EXT.size,
-    {"channel": ("<u2", 0), "dlc": ("u1", 10), "id": ("<u4", 16), "data": ("8u1", 24)},
-)
 
 
 class Encoded(NamedTuple):
@@ -107,29 +56,19 @@ def encode(chunk: Columns, stamps: npt.NDArray[np.int64]) -> Encoded:
     _check(chunk)
     check_own_times(stamps)
     error, fd = (flags & _ERROR) != 0, (flags & (_FD | _ERROR)) == _FD
-    some_error, some_fd = bool(error.any()), bool(fd.any())
-    if not some_error and not some_fd:
-        objects = _classic(chunk, stamps)
-        size = objects.dtype.itemsize
-        return Encoded(objects.view(np.uint8), np.arange(1, len(flags) + 1) * size)
-    sizes = np.full(len(flags), _CLASSIC.dtype.itemsize)
-    sizes[error] = _ERROR_EXT.dtype.itemsize
-    sizes[fd] = _CAN_FD.dtype.itemsize
-    ends = np.cumsum(sizes)
+    classic = ~(error | fd)
+    if classic.all():
+        objects = _objects(blf.CAN_MESSAGE, chunk, stamps)
+        return Encoded(objects.reshape(-1), np.arange(1, len(flags) + 1) * objects.shape[1])
+    kinds = ((blf.CAN_MESSAGE, classic), (blf.CAN_FD_MESSAGE, fd), (blf.CAN_ERROR_EXT, error))
+    ends = np.cumsum(np.select([rows for _, rows in kinds], [LAYOUTS[kind, 1].itemsize for kind, _ in kinds]))
     octets = np.empty(int(ends[-1]), np.uint8)
-    for kind, wanted, encoded in (
-        (_CLASSIC, ~(error | fd), _classic),
-        (_CAN_FD, fd, _can_fd),
-        (_ERROR_EXT, error, _error),
-    ):
+    for kind, wanted in kinds:
         rows = np.flatnonzero(wanted)
-        if rows.size:
-            size = kind.dtype.itemsize
-            part = select(chunk, rows)
-            begins = ends[rows] - size
-            octets[begins[:, None] + np.arange(size)] = (
-                encoded(part, stamps[rows]).view(np.uint8).reshape(-1, size)
-            )
+        size = LAYOUTS[kind, 1].itemsize
+        octets[(ends[rows] - size)[:, None] + np.arange(size)] = _objects(
+            kind, select(chunk, rows), stamps[rows]
+        )
     return Encoded(octets, ends)
 
 
@@ -146,39 +85,27 @@ def _check(chunk: Columns) -> None:
         raise ValueError(f"bus {int(chunk.bus.max())}: a channel has two bytes")
 
 
-def _blank(kind: _Kind, chunk: Columns, stamps: npt.NDArray[np.int64]) -> npt.NDArray[Any]:
-    """Objects with what all kinds have."""
-    n = len(stamps)
-    objects = np.empty((n, kind.dtype.itemsize), np.uint8)
-    objects[:] = kind.blank
-    fields = objects.reshape(-1).view(kind.dtype)
-    fields["stamp"] = stamps.view(np.uint64)
+def _objects(kind: int, chunk: Columns, stamps: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
+    """Objects of one type: (n, size) bytes."""
+    layout, flags, length = LAYOUTS[kind, 1], chunk.flags, chunk.length
+    size = layout.itemsize
+    head = blf.OBJECT.pack(blf.SIGNATURE, blf.OBJECT_V1_SIZE, 1, size, kind)
+    head += blf.STAMP.pack(blf.ONE_NANOSECOND, 0, 0, 0)
+    objects = np.empty((len(stamps), size), np.uint8)
+    objects[:] = np.frombuffer(head.ljust(size, b"\0"), np.uint8)
+    fields = objects.reshape(-1).view(layout)
+    fields["ns"] = stamps
     fields["channel"] = chunk.bus + 1
-    extended = (chunk.flags & _EXTENDED) != 0
-    fields["id"] = chunk.id | np.where(extended, np.uint32(blf.ID_EXTENDED), np.uint32(0))
-    width = min(chunk.data.shape[1], fields["data"].shape[1])
-    fields["data"][:, :width] = chunk.data[:, :width]
-    return fields
-
-
-def _classic(chunk: Columns, stamps: npt.NDArray[np.int64]) -> npt.NDArray[Any]:
-    objects = _blank(_CLASSIC, chunk, stamps)
-    objects["how"] = _HOW[chunk.flags]
-    objects["dlc"] = chunk.length
-    return objects
-
-
-def _can_fd(chunk: Columns, stamps: npt.NDArray[np.int64]) -> npt.NDArray[Any]:
-    flags = chunk.flags
-    objects = _blank(_CAN_FD, chunk, stamps)
-    objects["how"] = _HOW[flags]
-    objects["dlc"] = _DLC[chunk.length]
-    objects["fd"] = _FD_FLAGS[flags]
-    objects["valid"] = np.where(flags & _REMOTE, np.uint8(0), chunk.length)
-    return objects
-
-
-def _error(chunk: Columns, stamps: npt.NDArray[np.int64]) -> npt.NDArray[Any]:
-    objects = _blank(_ERROR_EXT, chunk, stamps)
-    objects["dlc"] = np.minimum(np.where(chunk.flags & _REMOTE, np.uint8(0), chunk.length), CLASSIC_BYTES)
+    fields["word"] = chunk.id | np.where(flags & _EXTENDED, np.uint32(blf.ID_EXTENDED), np.uint32(0))
+    data, at = layout.fields["data"][:2]  # type: ignore[index]  # it has fields
+    width = min(chunk.data.shape[1], data.itemsize)
+    objects[:, at : at + width] = chunk.data[:, :width]
+    held = np.where(flags & _REMOTE, np.uint8(0), length)
+    if kind == blf.CAN_ERROR_EXT:
+        fields["dlc"] = np.minimum(held, CLASSIC_BYTES)
+        return objects
+    fields["how"] = _HOW[flags]
+    fields["dlc"] = length if kind == blf.CAN_MESSAGE else _DLC[length]
+    if kind == blf.CAN_FD_MESSAGE:
+        fields["fd"], fields["valid"] = _FD_FLAGS[flags], held
     return objects

@@ -12,66 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.io.logs.blf import blf_layout as blf
+from canid.io.logs.blf.blf_dtypes import BODY, LAYOUTS, VERSIONS
 from canid.io.logs.blf.blf_layout import Data
 from canid.io.logs.blf.blf_object_chain import Broken, Chain, Ints
 from canid.io.logs.text_lines import MAX_TIME_NS
 from canid.values.frame_columns import FD_BYTES, WantedIds
 
-HEADER_SIZE = {1: blf.OBJECT_V1_SIZE, 2: blf.OBJECT_V2_SIZE}
-VERSIONS = tuple(HEADER_SIZE)
-_HEADER_FIELDS = [
-    ("signature", "<u4"), ("header_size", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4"),
-    ("unit", "<u4"), ("client", "<u2"), ("object_version", "<u2"), ("ns", "<i8"),
-]  # fmt: skip
-# as blf_layout.CLASSIC, ERROR_EXT, FD and FD64; of the other error frames what is read (Vector_BLF)
-_CLASSIC_BODY = [("channel", "<u2"), ("how", "u1"), ("dlc", "u1"), ("word", "<u4"), ("data", "<u8")]
-_ERROR_BODY = [
-    ("channel", "<u2"), ("length", "<u2"), ("flags", "<u4"), ("ecc", "u1"), ("position", "u1"), ("dlc", "u1"),
-    ("pad", "u1"), ("frame_length", "<u4"), ("word", "<u4"), ("more", "<u2"), ("pad2", "<u2"), ("data", "<u8"),
-]  # fmt: skip
-_ERROR_WITHOUT_ID_BODY = [("channel", "<u2"), ("length", "<u2")]
-_FD_ERROR_BODY = [
-    ("channel", "u1"), ("dlc", "u1"), ("valid", "u1"), ("ecc", "u1"), ("flags", "<u2"), ("code", "<u2"),
-    ("more", "<u2"), ("extended_at", "u1"), ("pad", "u1"), ("word", "<u4"), ("pad2", "V28"),
-]  # fmt: skip
-_FD_BODY = [
-    ("channel", "<u2"), ("how", "u1"), ("dlc", "u1"), ("word", "<u4"), ("frame_length", "<u4"), ("bits", "u1"),
-    ("fd", "u1"), ("valid", "u1"), ("pad", "V5"), ("data", "u1", (64,)),
-]  # fmt: skip
-_FD64_BODY = [
-    ("channel", "u1"), ("dlc", "u1"), ("valid", "u1"), ("tx_count", "u1"), ("word", "<u4"), ("frame_length", "<u4"),
-    ("fd", "<u4"), ("rates", "<u4", (2,)), ("offsets", "<u4", (2,)), ("bits", "<u2"), ("sent", "u1"),
-    ("extended_at", "u1"), ("crc", "<u4"),
-]  # fmt: skip
-BODY: dict[int, list[Any]] = {
-    blf.CAN_MESSAGE: _CLASSIC_BODY,
-    blf.CAN_MESSAGE2: _CLASSIC_BODY,
-    blf.CAN_ERROR: _ERROR_WITHOUT_ID_BODY,
-    blf.CAN_ERROR_EXT: _ERROR_BODY,
-    blf.CAN_FD_ERROR_64: _FD_ERROR_BODY,
-    blf.CAN_FD_MESSAGE: _FD_BODY,
-    blf.CAN_FD_MESSAGE_64: _FD64_BODY,
-}
-
-
-def _layout(body: list[Any], version: int) -> np.dtype[Any]:
-    """The structure of an object's header and body; `top` is the highest byte of the id's word."""
-    longer = HEADER_SIZE[version] - blf.OBJECT_V1_SIZE
-    plain = np.dtype(_HEADER_FIELDS + [("longer", f"V{longer}")] * bool(longer) + body)
-    fields = {name: field[:2] for name, field in (plain.fields or {}).items()}
-    if "word" in fields:
-        fields["top"] = (np.dtype("u1"), fields["word"][1] + 3)
-    return np.dtype(
-        {
-            "names": [*fields],
-            "formats": [f[0] for f in fields.values()],
-            "offsets": [f[1] for f in fields.values()],
-            "itemsize": plain.itemsize,
-        }
-    )
-
-
-_LAYOUTS = {(kind, version): _layout(body, version) for kind, body in BODY.items() for version in HEADER_SIZE}
 # ns: longer times are damage, and differences of shorter ones fit 64 bits
 _MAX_NS = MAX_TIME_NS - 1
 _MAX_STANDARD_ID = 0x7FF
@@ -105,7 +51,7 @@ def groups_of(data: Data, links: Chain) -> list[Group]:
             return []
         _check_sizes(kind, np.array([version]), np.array([header_size]), np.array([size]))
         items = np.ndarray(
-            (len(links.begin),), _LAYOUTS[kind, version], data, int(links.begin[0]), (links.step,)
+            (len(links.begin),), LAYOUTS[kind, version], data, int(links.begin[0]), (links.step,)
         )
         return [Group(kind, slice(None), links.begin, _with_id(kind, items))]
     groups = []
@@ -118,16 +64,14 @@ def groups_of(data: Data, links: Chain) -> list[Group]:
         begin, size = links.begin[rows], links.size[rows]
         if size.max() > blf.MAX_OBJECT_BYTES[kind]:
             raise Broken(f"an object of type {kind} claims a size of {size.max()} bytes")
-        if size.min() < _LAYOUTS[kind, 1].itemsize:
+        if size.min() < LAYOUTS[kind, 1].itemsize:
             raise Broken(_TOO_SHORT)
-        heads = _items(data, begin, _LAYOUTS[kind, 1])
+        heads = _items(data, begin, LAYOUTS[kind, 1])
         _check_sizes(kind, heads["version"], heads["header_size"], size)
         for version in VERSIONS:
             chosen = heads["version"] == version
             if chosen.any():
-                items = (
-                    heads[chosen] if version == 1 else _items(data, begin[chosen], _LAYOUTS[kind, version])
-                )
+                items = heads[chosen] if version == 1 else _items(data, begin[chosen], LAYOUTS[kind, version])
                 groups.append(Group(kind, rows[chosen], begin[chosen], _with_id(kind, items)))
     return groups
 
@@ -136,7 +80,7 @@ def _check_sizes(kind: int, version: _Whole, header_size: _Whole, size: _Whole) 
     """Check that objects (m,) of one kind are as long as what they hold. Raises Broken."""
     if not np.isin(version, VERSIONS).all():
         raise Broken(_TOO_SHORT)
-    least = np.array([_LAYOUTS[kind, n].itemsize for n in VERSIONS])[version.astype(np.int64) - VERSIONS[0]]
+    least = np.array([LAYOUTS[kind, n].itemsize for n in VERSIONS])[version.astype(np.int64) - VERSIONS[0]]
     if (size < least).any() or (size < header_size).any():
         raise Broken(_TOO_SHORT)
     if kind == blf.CAN_ERROR and (size.astype(np.int64) - header_size > blf.CAN_ERROR_BYTES).any():

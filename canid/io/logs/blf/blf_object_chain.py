@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.io.logs.blf import blf_layout as blf
+from canid.io.logs.blf.blf_dtypes import HEADER_FIELDS
 from canid.io.logs.blf.blf_layout import MAX_INFLATED_BYTES, MAX_PADDING_BYTES, Data
 
 _WORD = 4
@@ -167,6 +168,4 @@ def _unaligned(data: Data, first: int) -> _Linked:
 
 
 _ALIKE = np.dtype([("one", "<u8"), ("two", "<u8")])
-_OBJECT_HEADER = np.dtype(
-    [("signature", "<u4"), ("header_size", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4")]
-)
+_OBJECT_HEADER = np.dtype(HEADER_FIELDS[:5])  # up to the type, as `blf.OBJECT`

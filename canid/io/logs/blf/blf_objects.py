@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from canid.io.logs.blf import blf_consistency, blf_object_kinds
 from canid.io.logs.blf import blf_layout as blf
+from canid.io.logs.blf.blf_dtypes import BODY, VERSIONS
 from canid.io.logs.blf.blf_groups import (
-    BODY,
-    VERSIONS,
     WRONG,
     Group,
     groups_of,

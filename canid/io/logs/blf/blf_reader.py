@@ -22,8 +22,8 @@ from canid.io.logs.damage import DamagedSpans
 from canid.io.logs.joined_logs import Axis
 from canid.io.logs.reader_state import Note, ReadState
 from canid.values.errors import DamagedLogError, LogError
-from canid.values.frame_columns import WantedIds, frames_of, keep_memory
-from canid.values.types import Columns, Event, Frame
+from canid.values.frame_columns import WantedIds, keep_memory
+from canid.values.types import Columns, Event
 
 # Containers are walked together up to this many bytes: numpy's overhead per step is spread over eight usual
 # containers, and they still fit a processor's second cache.
@@ -34,13 +34,7 @@ _MAX_EARLY_EVENTS = 1000
 _CHUNK_FRAMES = 64 * 1024
 
 
-def read_blf(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file. Raises LogError where it is not a .blf at all."""
-    for chunk in read_blf_columns(path, state):
-        yield from frames_of(chunk)
-
-
-def read_blf_columns(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+def read_blf(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
     """Columns in the order of the file. Raises LogError where it is not a .blf at all.
 
     `wanted`: frames with other ids may be left out.

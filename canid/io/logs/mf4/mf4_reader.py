@@ -10,27 +10,21 @@ from pathlib import Path
 from canid.io.logs.mf4.bus_groups import NO_ASAMMDF, End, Part, Start
 from canid.io.logs.reader_state import ReadState
 from canid.values.errors import ConfigError, DamagedLogError, LogError
-from canid.values.frame_columns import WantedIds, frames_of, rows, select
+from canid.values.frame_columns import WantedIds, rows, select
 from canid.values.processes.child import EXIT_S, Child, NoAnswerError
 from canid.values.processes.child_process import command
-from canid.values.types import Columns, Damage, Frame
+from canid.values.types import Columns, Damage
 
 SIGNATURE = b"MDF"
 # frames of one chunk of columns, at most
 _CHUNK_FRAMES = 65_536
 
 
-def read_mf4(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of time.
+def read_mf4(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of time; `wanted`: frames with other ids may be left out.
 
     Raises ConfigError without asammdf and where the file has signals and no frames, LogError where nothing can be read.
     """
-    for chunk in read_mf4_columns(path, state, None):
-        yield from frames_of(chunk)
-
-
-def read_mf4_columns(path: Path, state: ReadState, wanted: WantedIds | None) -> Iterator[Columns]:
-    """The same, as columns."""
     first: int | None = None
     end = End("")
     words = command("canid.io.logs.mf4.mf4_child", os.path.abspath(path), options=("-W", "ignore"))

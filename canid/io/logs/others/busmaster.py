@@ -17,7 +17,8 @@ from canid.io.logs.local_time import epoch_ns
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import Bad, Line, remote_length
 from canid.values import timestamps
-from canid.values.types import Flag, Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Flag
 
 _HEADER = re.compile(r"\*\*\*.*")
 _START = re.compile(
@@ -32,10 +33,10 @@ _ERROR = re.compile(r"\d{1,4}:\d\d?:\d\d?:\d{1,9}\s+(?:(?:Rx|Tx)\s+)?(?:\d{1,3}\
 _DAY_NS = 86_400 * timestamps.NS_PER_S
 
 
-def read_busmaster(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
+def read_busmaster(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is one."""
     session = _Session(state.zone)
-    return read(path, state, session.take, dated=lambda: session.dated)
+    return read(path, state, session.take, wanted, dated=lambda: session.dated)
 
 
 class _Session:

@@ -22,7 +22,8 @@ from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import Bad, Line, hex_bytes, remote_length
 from canid.values import timestamps
 from canid.values.bus_names import bus_numbers
-from canid.values.types import Flag, Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Flag
 
 _LINE = re.compile(
     r"\(([\d :.-]{1,40})\)\s+([!-~]{1,255})\s+(?:(RX|TX)\s(?:[ BE-]{1,5})\s*)?"
@@ -53,8 +54,8 @@ _OCTET_BITS = 8
 _MOSTLY = 0.75
 
 
-def read_screen(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
+def read_screen(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is one."""
     if not state.buses:
         state.buses.update(bus_numbers(interfaces(path, state.size, _NAME)))
     begin = (_LINE.fullmatch(line.strip()) for line in first_lines(path))
@@ -98,7 +99,7 @@ def read_screen(path: Path, state: ReadState) -> Iterator[Frame]:
             raise Bad("more than 8 data bytes in a classic frame")
         return Row(clock.ns(stamp), bus_of(interface, state.buses), id_, data, int(flags))
 
-    return read(path, state, take, dated=lambda: clock.dated)
+    return read(path, state, take, wanted, dated=lambda: clock.dated)
 
 
 def _bytes(text: str, announced: int) -> bytes:

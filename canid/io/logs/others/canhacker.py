@@ -13,7 +13,8 @@ from canid.io.logs.frame_lines import Row, checked_id, read
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import Bad, Line
 from canid.values import timestamps
-from canid.values.types import Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns
 
 _HEADER = re.compile(r"(Time\s+ID\s+DLC\b.*|.*CANHACKER.*)", re.IGNORECASE)
 _LINE = re.compile(
@@ -22,8 +23,8 @@ _LINE = re.compile(
 _MINUTE_NS = 60 * timestamps.NS_PER_S
 
 
-def read_canhacker(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where no line is one."""
+def read_canhacker(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where no line is one."""
     minutes = latest = 0
 
     def take(text: str, line: Line) -> Row | str:
@@ -46,4 +47,4 @@ def read_canhacker(path: Path, state: ReadState) -> Iterator[Frame]:
         # a comment may begin like a byte
         return Row(minutes * _MINUTE_NS + ns, 0, id_, bytes.fromhex("".join(octets[:announced])), flags)
 
-    return read(path, state, take, dated=lambda: False)
+    return read(path, state, take, wanted, dated=lambda: False)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,8 @@ from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import Bad, Line, remote_length
 from canid.values import timestamps
 from canid.values.bus_names import bus_numbers
-from canid.values.types import Flag, Frame
+from canid.values.frame_columns import WantedIds
+from canid.values.types import Columns, Flag
 
 _TIME = re.compile(r"-?\d{1,20}([.,]\d{1,20})?(e[+-]?\d{1,3})?", re.IGNORECASE)
 _WHOLE = re.compile(r"\d{1,5}")
@@ -131,37 +133,9 @@ SPY = Program(
 PLAIN = Program(("id",), "time", "id", ("data",), "", "dlc", base=0)
 
 
-def read_gvret(path: Path, state: ReadState) -> Iterator[Frame]:
-    """SavvyCAN and GVRET: times in µs, hexadecimal ids and bytes."""
-    return _read(path, state, GVRET)
-
-
-def read_cabana(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Cabana: times in s, ids with 0x or decimal, data in one cell."""
-    return _read(path, state, CABANA)
-
-
-def read_panda(path: Path, state: ReadState) -> Iterator[Frame]:
-    """The can_logger.py of panda, with its column of times."""
-    return _read(path, state, PANDA)
-
-
-def read_kvaser(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Kvaser's CSV of CanKing and of the Memorator's converter: flags of canlib."""
-    return _read(path, state, KVASER)
-
-
-def read_vehicle_spy(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Vehicle Spy: a header of some 60 lines, networks by name, hexadecimal ids and bytes."""
-    return _read(path, state, SPY)
-
-
-def read_plain(path: Path, state: ReadState) -> Iterator[Frame]:
-    """A list with time, id, length and data alone."""
-    return _read(path, state, PLAIN)
-
-
-def _read(path: Path, state: ReadState, program: Program) -> Iterator[Frame]:
+def _read(
+    program: Program, path: Path, state: ReadState, wanted: WantedIds | None = None
+) -> Iterator[Columns]:
     head = list_header.judged(path, program, first_lines(path), state.zone)
     for remark in head.remarks:
         state.remark(remark)
@@ -169,7 +143,21 @@ def _read(path: Path, state: ReadState, program: Program) -> Iterator[Frame]:
     if program.named and not state.buses:
         names = list_header.names(path, state.size, head.columns[program.bus], head.columns[program.time])
         state.buses.update(bus_numbers(names))
-    return read(path, state, reading.take, dated=lambda: reading.dated)
+    return read(path, state, reading.take, wanted, dated=lambda: reading.dated)
+
+
+# times in µs, hexadecimal ids and bytes
+read_gvret = partial(_read, GVRET)
+# times in s, ids with 0x or decimal, data in one cell
+read_cabana = partial(_read, CABANA)
+# the can_logger.py of panda, with its column of times
+read_panda = partial(_read, PANDA)
+# the CSV of CanKing and of the Memorator's converter: flags of canlib
+read_kvaser = partial(_read, KVASER)
+# a header of some 60 lines, networks by name, hexadecimal ids and bytes
+read_vehicle_spy = partial(_read, SPY)
+# time, id, length and data alone
+read_plain = partial(_read, PLAIN)
 
 
 class _Reading:

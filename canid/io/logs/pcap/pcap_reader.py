@@ -12,26 +12,22 @@ from canid.io.logs.pcap.socketcan_frames import NO_NAME, SLL2, Source, frames, s
 from canid.io.logs.reader_state import ReadState
 from canid.values.bus_names import MAX_BUSES, bus_numbers, with_more
 from canid.values.errors import ConfigError, DamagedLogError, LogError
-from canid.values.frame_columns import WantedIds, frames_of, join, keep_memory, select
-from canid.values.types import Columns, Damage, Frame
+from canid.values.frame_columns import WantedIds, join, keep_memory
+from canid.values.types import Columns, Damage
 
 _GZIP = b"\x1f\x8b"
 
 
-def read_pcap(path: Path, state: ReadState) -> Iterator[Frame]:
-    """Frames in the order of the file; raises LogError where it is no capture, ConfigError where it has no CAN frame."""
-    for chunk in read_pcap_columns(path, state):
-        yield from frames_of(chunk)
+def read_pcap(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
+    """Columns in the order of the file; raises LogError where it is no capture, ConfigError where it has no CAN frame.
 
-
-def read_pcap_columns(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
-    """The same as columns; `wanted`: frames with other ids may be left out."""
+    `wanted`: frames with other ids may be left out.
+    """
     keep_memory()
     _check(path)
     buses = _buses(path, state)
     damaged = DamagedSpans()
-    times = Times()
-    waiting: list[Columns] = []  # without a time, before the first packet that has one
+    times = Times(state)
     with open(path, "rb") as file:
         for item in packets(file, state.size):
             if isinstance(item, Lost):
@@ -44,20 +40,9 @@ def read_pcap_columns(path: Path, state: ReadState, wanted: WantedIds | None = N
                 damaged.add(*span)
             state.other_kinds.update(others)
             state.frames += len(ns)
-            before = times.first
-            chunk = chunk._replace(t=times.step(ns))
-            if times.first is None:
-                waiting.append(chunk)
-                continue
-            if before is None:
-                state.start_ns = times.first
-                chunk = join([*waiting, chunk])
-                waiting = []
-            chunk = chunk if wanted is None else select(chunk, wanted.rows(chunk.id))
-            if chunk.t.size:
-                yield chunk
-    if waiting:
-        yield join(waiting)
+            yield from times.step(ns, chunk, wanted)
+    if times.waiting:
+        yield join(times.waiting)
     _close(path, state, damaged)
 
 

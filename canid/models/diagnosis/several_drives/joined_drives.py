@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.signals.signal_checks.drive_time import of_trace
+from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.errors import ConfigError
 from canid.values.types import NAN, Array, DriveTime, LearnGate, SignalFinding, Trace
 
@@ -24,7 +25,7 @@ class JoinedDrives(NamedTuple):
 
 
 def join(traces: Sequence[Trace]) -> JoinedDrives:
-    """Put drives one after the other.
+    """Put drives one after the other, what the limits of a signal hide left out of each.
 
     Args:
         traces: of one driver, read with one vehicle file.
@@ -39,6 +40,7 @@ def join(traces: Sequence[Trace]) -> JoinedDrives:
         >>> len(of.spans), of.trace.t.size == 2 * trace.t.size + round(PAUSE_S / trace.dt)
         (2, True)
     """
+    traces = [with_limits(trace) for trace in traces]
     first = traces[0]
     if any(
         (trace.dt, trace.input_names, trace.output_filter)

@@ -7,12 +7,13 @@ import sys
 from collections.abc import Callable, Sequence
 
 from canid.analysis.proposal.choice import Choice
-from canid.analysis.proposal.sparkline import sparkline
 from canid.ui.terminal.messages import info
+from canid.ui.views.look_text import sparkline
 from canid.values.roles import ROLES
 
 # candidates that a list shows; later ones have hardly more than a similar name
 _MOST_SHOWN = 6
+_SPARK_CHARS = 32
 
 
 def asked(role: str, choices: Sequence[Choice], read: Callable[[], str] | None = None) -> int | None:
@@ -50,7 +51,7 @@ def line(choice: Choice) -> str:
     candidate = choice.candidate
     parts = [candidate.where, f'"{candidate.signal.unit}"']
     if choice.values is not None:
-        parts.append(sparkline(choice.values))
+        parts.append(sparkline(choice.values, _SPARK_CHARS))
     if math.isfinite(choice.low):
         parts.append(f"{choice.low:.4g} to {choice.high:.4g} {ROLES[candidate.role].unit}".rstrip())
     return "  ".join([*parts, "; ".join(choice.remarks)]).rstrip()
