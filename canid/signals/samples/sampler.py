@@ -14,6 +14,7 @@ from canid.signals.samples import (
     lead_readings,
     learning_gate,
     limited_values,
+    no_lane,
     no_target,
     own_speed,
     reading_spans,
@@ -55,6 +56,7 @@ class State(NamedTuple):
     stamps: stamps.State
     spans: reading_spans.State
     no_target: no_target.State = no_target.State()
+    no_lane: no_lane.State = no_lane.State()
     limits: limited_values.State = limited_values.init()
 
 
@@ -177,7 +179,11 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     clock, timed = session_clock.step(state.clock, chunk)
     frames, first = timed.frames, state.grid.frames
     decoding, decoded = settings.decode(state.decoding, frames)
-    targets, decoded, empty = no_target.step(state.no_target, decoded, frames.t, settings.largest)
+    targets, lane = state.no_target, state.no_lane
+    if settings.lead is not None:
+        targets, decoded, empty = no_target.step(targets, decoded, frames.t, settings.largest)
+    else:
+        lane, decoded, empty = no_lane.step(lane, decoded, frames.t)
     if empty:
         decoding = add_counts(decoding, empty)
     limits, within = limited_values.step(state.limits, decoded, frames.t)
@@ -237,7 +243,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         events = [(rows[row], event) for row, event in events]
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
-    after = State(clock, decoding, following, grid, gate, instants, intervals, watched, targets, limits)
+    after = State(clock, decoding, following, grid, gate, instants, intervals, watched, targets, lane, limits)
     return after, Samples(samples, events, stamped, decoded, frames.t)
 
 
