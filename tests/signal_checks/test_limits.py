@@ -89,6 +89,24 @@ def test_a_limit_holds_over_the_whole_drive(seed: int) -> None:
     assert np.abs(error).max() < 5 * 0.08
 
 
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-0.6, 99.0)])
+def test_the_input_at_a_limit_is_what_the_gap_shows(low: float, high: float, seed: int) -> None:
+    """The driver's answer outlasts a limit: in the history its value is no measurement, whether it was known or not."""
+    columns, limited = drive(seed, low, high)
+    sound_columns, sound = drive(seed, -99.0, 99.0)
+    fitted = fitted_trace(limited)
+    _, rows, others = np.intersect1d(np.rint(fitted.t / DT), np.rint(sound.t / DT), return_indices=True)
+    at = np.isin(columns["range_rate"], (low, high))[np.rint(fitted.t[rows] / DT).astype(int)]
+    assert at.sum() > 100
+    error = (fitted.inputs[rows] - sound.inputs[others])[at]
+    assert np.isfinite(error).all()
+    cut = (sound_columns["range_rate"] - columns["range_rate"])[np.rint(fitted.t[rows] / DT).astype(int)][at]
+    assert np.sqrt(np.mean(error[:, 1] ** 2)) < 0.4 * np.sqrt(np.mean(cut**2))
+    # what is learned from is as it was
+    _, same, first = np.intersect1d(np.rint(fitted.t / DT), np.rint(limited.t / DT), return_indices=True)
+    assert np.array_equal(fitted.inputs[same][fitted.learn[same]], limited.inputs[first][fitted.learn[same]])
+
+
 def test_what_is_passed_later_is_no_limit_of_the_whole_drive(seed: int) -> None:
     """Then the finding covers all of its time, as any other does."""
     _, limited = drive(seed, -1.0, 1.0)

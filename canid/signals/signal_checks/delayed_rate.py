@@ -17,7 +17,7 @@ import math
 from functools import partial
 from typing import Annotated, NamedTuple
 
-from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE, student_half_width
 from canid.signals.signal_checks.blocks import ACCEL, BLOCK_S, GAP, RANGE_RATE, SPEED, Block
 from canid.signals.signal_checks.check import Check, Found
 from canid.signals.signal_checks.mean_difference import integrals
@@ -36,8 +36,6 @@ SIGMAS = 3.7
 # times by 0.8 δ (6 drives); a range rate, to which the own speed is then added at the wrong time before the lead's is
 # smoothed, by 1.6 δ on average (18 drives, 0.2 to 6 δ). A bias of half a standard deviation costs 95 % intervals 3 %
 MAX_DELAY_S, MAX_RANGE_RATE_DELAY_S = 0.02, 0.01
-# degrees of freedom below which the formula for Student's t is more than 4 % off
-MIN_FREEDOM = 3.0
 # s; a quantity or a rate that is later than this moves gains as well. Of a gap K of range rate came out 5 % too large with
 # 0.4 s, 1 % with 0.2 s; of a range rate 14 of 14 gains held with 0.4 s, K of headway error was 18 % too large with 0.8 s
 MAX_QUANTITY_DELAY_S, MAX_RATE_DELAY_S = 0.25, 0.5
@@ -118,7 +116,7 @@ def delay(state: State) -> tuple[float, float]:
 
 
 def interval_sigmas(state: State, normal: float) -> float:
-    """Half width of an interval in standard deviations, by Student's t (Gaver & Kafadar 1984).
+    """Half width of an interval in standard deviations, by Student's t.
 
     Its degrees of freedom are those of a weighted mean (Satterthwaite 1946): where all clusters move alike, their number
     less 1. On 7 kinds of 2,500 drives of 8 min without a delay, with most movement in 4 clusters or in all, 0 to 0.12 % had
@@ -138,9 +136,7 @@ def interval_sigmas(state: State, normal: float) -> float:
     """
     _, b, _, _, bb = state.sums
     freedom = b * b / bb - 1.0 if bb > 0.0 else 0.0
-    if freedom < MIN_FREEDOM:
-        return math.inf
-    return math.sqrt(freedom * math.expm1(normal * normal * (freedom - 1.5) / (freedom - 1.0) ** 2))
+    return student_half_width(freedom, normal)
 
 
 def _judged(pair: Pair, state: State) -> Found | None:

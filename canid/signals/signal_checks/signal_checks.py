@@ -23,6 +23,7 @@ from canid.signals.signal_checks import (
     pedal_at_rest,
     pedal_scale,
     reference_speed,
+    saturated_rate,
     slow_signals,
     stamp_jitter,
     standing,
@@ -43,6 +44,7 @@ CHECKS: tuple[Check, ...] = (
     stamp_jitter.CHECK,
     *slow_signals.CHECKS,
     coarse_signals.CHECK,
+    saturated_rate.CHECK,
     *delayed_rate.CHECKS,
 )
 

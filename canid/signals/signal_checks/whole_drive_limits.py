@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.signals.samples import learning_gate
+from canid.signals.samples import learning_gate, limited_lead
 from canid.signals.samples.lead import REPORTED
-from canid.signals.samples.learning_gate import DEFAULT_RECOVERY_S
-from canid.signals.samples.smoothing import LAG_S
 from canid.signals.signal_checks.limited_values import sides
 from canid.values.findings import Flags
 from canid.values.types import NAN, Array, LearnGate, SignalFinding, Trace
@@ -39,7 +37,7 @@ def with_limits(trace: Trace) -> Trace:
         >>> [gate.name for gate in limited.gate[:4]], int(limited.learn.sum())
         (['OPEN', 'LIMITED', 'LIMITED', 'OPEN'], 11)
     """
-    trace = learning_gate.with_limits(trace)
+    trace, hidden = learning_gate.with_limits(trace), dict[str, Flags]()
     for k, finding in enumerate(trace.findings):
         role, limited = sides(finding)
         if not finding.withholds or REPORTED.get(role) not in trace.signals:
@@ -48,17 +46,30 @@ def with_limits(trace: Trace) -> Trace:
         if at is None:
             continue
         findings = tuple(
-            each._replace(withholds=False) if n == k or _is_stay(each, role, trace.t, at) else each
+            each._replace(withholds=False) if n == k or _is_limit(each, finding, trace.t, at) else each
             for n, each in enumerate(trace.findings)
         )
         trace = _without(trace, at)._replace(findings=findings)
-    return trace
+        hidden[role] = hidden.get(role, at) | at | np.isnan(trace.signals[REPORTED[role]])
+    return _smoothed(trace, hidden)
 
 
-def _is_stay(finding: SignalFinding, role: str, t: Array, at: Flags) -> bool:
-    """Whether a value that was called frozen has stood at the limit."""
-    stood = (t > finding.since) & (t < finding.raised)
-    return finding.name == f"{role}_frozen" and bool(at[stood].mean() > 0.5 if stood.any() else False)
+def _smoothed(trace: Trace, hidden: dict[str, Flags]) -> Trace:
+    """What the limits hide, as the other signal of the lead shows it."""
+    given = {"headway_error", "range_rate"} <= set(trace.input_names) and {
+        *REPORTED,
+        *REPORTED.values(),
+    } <= set(trace.signals)
+    return limited_lead.smoothed(trace, hidden) if hidden and given else trace
+
+
+def _is_limit(other: SignalFinding, finding: SignalFinding, t: Array, at: Flags) -> bool:
+    """Whether a value that was called frozen has stood at a limit, or one that saturated has until the limit was known."""
+    role, _ = sides(finding)
+    if other.name.endswith("_saturated"):
+        return other.raised < finding.raised
+    stood = (t > other.since) & (t < other.raised)
+    return other.name == f"{role}_frozen" and bool(at[stood].mean() > 0.5 if stood.any() else False)
 
 
 def _at_limit(trace: Trace, finding: SignalFinding, name: str, limited: tuple[bool, bool]) -> Flags | None:
@@ -79,9 +90,8 @@ def _at_limit(trace: Trace, finding: SignalFinding, name: str, limited: tuple[bo
 
 
 def _without(trace: Trace, at: Flags) -> Trace:
-    """Close the gate at the limit; what has been smoothed with it before, and what follows from it, teaches nothing."""
-    ahead, behind = (round(seconds / trace.dt) for seconds in (LAG_S, DEFAULT_RECOVERY_S))
-    touched = np.convolve(at, np.ones(ahead + behind), "full")[ahead:][: len(at)] > 0.5
+    """Close the gate at the limit; what it touches teaches nothing."""
+    touched = limited_lead.touched(at, trace.dt)
     gate = tuple(
         LearnGate.LIMITED if here and each in _FOLLOWS else each
         for here, each in zip(at.tolist(), trace.gate, strict=True)

@@ -1,0 +1,69 @@
+"""A range rate that saturates below its limit is found by the gap, and nothing else that sensors do is taken for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.analysis.tables.arrays import from_arrays
+from canid.signals.signal_checks.drive_time import usable
+from canid.signals.signal_checks.whole_drive_limits import with_limits
+from canid.values.types import Trace
+from tests import seeds
+from tests.signal_checks.synthetic import DT, Array, Columns, following
+
+ROLES = ("pedal", "speed", "gap", "range_rate", "accel")
+NAME = "range_rate_saturated"
+
+
+def columns(seed: int) -> Columns:
+    """A drive of eight minutes."""
+    return {role: following(seed, 8.0)[role] for role in ROLES}
+
+
+def read(given: Columns) -> Trace:
+    """What canid makes of it."""
+    time = DT * np.arange(len(given["gap"]))
+    return from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **given)
+
+
+def lagged(x: Array, tau: float) -> Array:
+    """First order."""
+    out, value, keep = np.empty(len(x)), float(x[0]), np.exp(-DT / tau)
+    for k, each in enumerate(x.tolist()):
+        value = keep * value + (1.0 - keep) * each
+        out[k] = value
+    return out
+
+
+@pytest.mark.parametrize("sides", [(True, True), (True, False), (False, True)])
+@seeds.mostly(0.9)
+def test_a_limit_behind_a_filter_is_found_by_the_gap(sides: tuple[bool, bool], seed: int) -> None:
+    """Its extreme is reached by hardly a reading, so that no value is a limit: nothing of the drive is learned from."""
+    given = columns(seed)
+    rng = np.random.default_rng(seed)
+    low, high = np.quantile(given["range_rate"], (0.12, 0.88))
+    cut = np.clip(given["range_rate"], low if sides[0] else -99.0, high if sides[1] else 99.0)
+    given["range_rate"] = lagged(cut, rng.uniform(0.1, 0.4)) + 0.002 * rng.standard_normal(len(cut))
+    trace = read(given)
+    assert NAME in {finding.name for finding in trace.findings if finding.withholds}
+    assert not usable(with_limits(trace)).any()
+
+
+def test_what_is_no_limit_is_not_called_one(seed: int) -> None:
+    """A drive as it is, and one with a lag, a delay, a scale, steps or much noise in either signal."""
+    rng = np.random.default_rng(seed)
+    for role in ("gap", "range_rate"):
+        given = columns(seed)
+        x = given[role]
+        size = float(np.std(x))
+        several = (
+            x,
+            lagged(x, 0.4),
+            np.concatenate([x[:5], x[:-5]]),
+            1.3 * x,
+            np.round(x / (0.5 * size)) * (0.5 * size),
+            x + 0.5 * size * rng.standard_normal(len(x)),
+        )
+        for changed in several:
+            assert NAME not in {finding.name for finding in read(given | {role: changed}).findings}
