@@ -42,7 +42,7 @@ CHECKS: tuple[Check, ...] = (
     pedal_scale.CHECK,
     stamp_jitter.CHECK,
     *slow_signals.CHECKS,
-    coarse_signals.CHECK,
+    *coarse_signals.CHECKS,
     *delayed_rate.CHECKS,
 )
 
