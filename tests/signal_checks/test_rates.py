@@ -19,6 +19,7 @@ OWN = frozenset(
         "input_slow",
         "output_slow",
         "range_rate_coarse",
+        "speed_coarse",
         "range_rate_late",
         "gap_late",
         "accel_late",
@@ -206,6 +207,35 @@ def test_coarse_steps_without_noise_are_named(seed: int) -> None:
     for size in (0.1, 0.25):
         fine = changed("range_rate", stepped(size))(columns)
         assert "range_rate_coarse" not in {one.name for one in with_spans(fine)}
+
+
+@mostly(0.9)
+def test_a_coarse_speed_is_named_where_no_acceleration_knows_it(seed: int) -> None:
+    """In steps of 0.4 of the headway's movement, not of 0.1; and never as a frozen one."""
+    columns = following(seed, 5.0)
+    headway = columns["gap"] / columns["speed"]
+    unit = float(np.std(headway) * np.mean(columns["speed"]) / np.mean(headway))
+    bare = {role: x for role, x in columns.items() if role != "accel"}
+    for given, share, expected in ((bare, 0.4, {"speed_coarse"}), (bare, 0.1, set()), (columns, 0.4, set())):
+        named = {one.name for one in with_spans(changed("speed", stepped(share * unit))(given))}
+        assert named & {"speed_coarse", "speed_frozen"} == expected, (share, named)
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 2.0])
+@mostly(0.9)
+def test_a_coarse_speed_is_not_frozen(step: float, seed: int) -> None:
+    """A car that stays within a step for 15 s, with a pedal that moves by 8 % meanwhile."""
+    columns = following(seed, 8.0)
+    t = DT * np.arange(len(columns["gap"]))
+    calm = (
+        20.0
+        + 0.3 * (columns["speed"] - 20.0)
+        + 0.02 * np.random.default_rng([seed, 4]).standard_normal(len(t))
+    )
+    kept = {role: columns[role] for role in ("gap", "range_rate", "lead_valid")}
+    moving = {**kept, "pedal": 20.0 + 4.0 * np.sin(t), "speed": stepped(step)(calm)}
+    names = {one.name for one in with_spans(moving)}
+    assert "speed_frozen" not in names
 
 
 @mostly(0.95)

@@ -8,6 +8,7 @@ import pytest
 from canid.signals.samples import stamps
 from canid.signals.signal_checks import signal_checks
 from canid.values.types import Driver
+from tests import seeds
 from tests.signal_checks.synthetic import following, samples
 
 
@@ -26,8 +27,12 @@ def stamped(kind: str, rng: np.random.Generator) -> np.ndarray:
         return np.sort((np.floor(t / 0.3) + 1) * 0.3 + 0.001 * np.arange(len(t)) % 0.3 * 0.01)
     if kind == "jitter":
         return np.sort(t + rng.exponential(0.1, len(t)))
-    if kind == "lost":
-        return t[rng.random(len(t)) > 0.15]
+    if kind == "lost of 10 Hz":
+        return (t[::2] + 0.003 * rng.random(len(t[::2])))[rng.random(len(t[::2])) > 0.75]
+    if kind.startswith("lost"):
+        return t[rng.random(len(t)) > float(kind.removeprefix("lost "))]
+    if kind == "bursts in ms":
+        return np.round(np.floor(t / 0.3) * 0.3 + 0.001 * (np.arange(len(t)) % 6), 3)
     if kind == "pauses":
         return t[(t % 20.0) > 3.0]
     if kind == "slow":
@@ -35,12 +40,8 @@ def stamped(kind: str, rng: np.random.Generator) -> np.ndarray:
     return t + 0.002 * rng.random(len(t))
 
 
-@pytest.mark.parametrize(
-    ("kind", "wrong"),
-    [("bursts", True), ("lost", False), ("pauses", False), ("slow", False), ("even", False)],
-)
-def test_bursts_are_found_and_lost_frames_are_not(kind: str, wrong: bool, seed: int) -> None:
-    """Frames that are stamped when an adapter is read, against all that is no jitter."""
+def named(kind: str, seed: int) -> set[str]:
+    """Findings on stamps of this kind."""
     waiting = spans(stamped(kind, np.random.default_rng(seed)))
     state, names = signal_checks.init(), set()
     for sample in samples(following(3, 1.0)):
@@ -48,7 +49,24 @@ def test_bursts_are_found_and_lost_frames_are_not(kind: str, wrong: bool, seed: 
             state = signal_checks.put(state, waiting.pop(0))
         state, report = signal_checks.step(state, sample, Driver(), 0.1)
         names |= {one.name for one in report.findings} if report is not None else set()
-    assert ("stamps_jitter" in names) is wrong
+    return names & {"stamps_jitter", "messages_lost"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [("bursts", {"stamps_jitter"}), ("bursts in ms", {"stamps_jitter"}), ("lost 0.15", set()), ("pauses", set()),
+     ("slow", set()), ("even", set())],
+)  # fmt: skip
+def test_bursts_are_found_and_lost_frames_are_not(kind: str, expected: set[str], seed: int) -> None:
+    """Frames that are stamped when an adapter is read, against all that is no jitter."""
+    assert named(kind, seed) == expected
+
+
+@pytest.mark.parametrize("kind", ["lost 0.8", "lost of 10 Hz"])
+@seeds.mostly(0.85)
+def test_most_messages_lost_have_a_name_of_their_own(kind: str, seed: int) -> None:
+    """Of 20 Hz, and of 10 Hz with stamps of 3 ms of jitter."""
+    assert named(kind, seed) == {"messages_lost"}
 
 
 def test_sums_do_not_depend_on_the_division(seed: int) -> None:

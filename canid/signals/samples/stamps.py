@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.values.types import Array
+from canid.values.types import NAN, Array
 
 # s; stamps are summed up over so long
 SPAN_S = 10.0
@@ -27,6 +27,8 @@ class StampIntervals(NamedTuple):
     number: int  # of intervals
     mean: float  # s, of them
     sd: float  # s, their standard deviation
+    shortest: float = NAN  # s, of the span before; NaN: there is none
+    off: float = NAN  # s, root mean square distance from the multiples of that
 
 
 class Tally(NamedTuple):
@@ -37,6 +39,9 @@ class Tally(NamedTuple):
     number: int = 0
     total: int = 0
     squares: int = 0
+    nominal: int = 0  # µs, the shortest of the span before; 0: there is none
+    shortest: int = 0  # µs, in this span
+    off: int = 0  # µs², squared distances from multiples of `nominal`
 
 
 State = Mapping[str, Tally]
@@ -68,7 +73,7 @@ def step(
         (199, 0.05)
     """
     tally = state.get(role, Tally())
-    span, last, number, total, squares = tally
+    span, last, number, total, squares, nominal, shortest, off = tally
     out = []
     for at, k in zip(t.tolist(), row.tolist(), strict=True):
         now = round(at * _MICROSECONDS)
@@ -77,12 +82,19 @@ def step(
             if number:
                 mean = total / number / _MICROSECONDS
                 variance = squares / number / _MICROSECONDS**2 - mean * mean
-                out.append((k, StampIntervals(role, at, number, mean, math.sqrt(max(variance, 0.0)))))
-            span, number, total, squares = here, 0, 0, 0
+                apart = (NAN, NAN)
+                if nominal:
+                    apart = nominal / _MICROSECONDS, math.sqrt(off / number) / _MICROSECONDS
+                out.append((k, StampIntervals(role, at, number, mean, math.sqrt(max(variance, 0.0)), *apart)))
+            span, number, total, squares, nominal, shortest, off = here, 0, 0, 0, shortest, 0, 0
         interval = now - last
         if last >= 0 and 0 <= interval <= MAX_INTERVAL_S * _MICROSECONDS:
             number += 1
             total += interval
             squares += interval * interval
+            shortest = interval if number == 1 else min(shortest, interval)
+            if nominal:
+                rest = interval % nominal
+                off += min(rest, nominal - rest) ** 2
         last = now
-    return {**state, role: Tally(span, last, number, total, squares)}, out
+    return {**state, role: Tally(span, last, number, total, squares, nominal, shortest, off)}, out

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from canid.mathematics.estimators import output_stamps, speed_difference
+from canid.mathematics.estimators import complementary_filter, output_stamps, speed_difference
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.types import Array, DriveTime, LearnGate, SignalFinding, Trace
 
@@ -70,12 +70,13 @@ def fitted_trace(trace: Trace) -> Trace:
     """Return the drive as its driver is fitted.
 
     What a wrong signal has touched teaches nothing, and the limits of the output are those of the whole drive. Samples are
-    the output's own readings, and as far apart as it spans as a difference of the recorded speed.
+    the output's own readings, and as far apart as it spans as a difference of the recorded speed. A headway is that of a
+    speed without steps, where the acceleration shows it.
 
     Args:
         trace: of the drive, with its findings.
     """
-    trace = with_limits(trace)
+    trace = complementary_filter.with_fine_speed(with_limits(trace))
     used = usable(trace)
     if trace.findings and not used.all():
         bound = trace.bound

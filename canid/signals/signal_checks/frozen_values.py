@@ -28,6 +28,8 @@ HALF_STEP = 0.13
 MIN_SPEED_CHANGE, ACCEL_OFFSET = 1.0, 0.4
 # %; a pedal that moves by more, for longer than the next constant, moves the car
 MIN_PEDAL_CHANGE, PEDAL_FREEZE_S = 5.0, 15.0
+# m/s, a step within which a car stays for 15 s (1 km/h does); steps that show it, and half of the seconds with movement
+COARSE_SPEED_STEP, MIN_SPEED_STEPS = 0.25, 3
 # times the longest repeat so far, and blocks of moving values after which that is known
 UNUSUAL_FACTOR, KNOWN_BLOCKS = 6, 60
 # s; an unusual repeat that nothing else contradicts
@@ -138,7 +140,10 @@ def _says(watch: Watch, role: str, pedal: tuple[float, float]) -> str:
         return f"{begins} although the gap departs from it by {span:.1f} m"
     if role == "speed" and span > MIN_SPEED_CHANGE + ACCEL_OFFSET * watch.run:
         return f"{begins} although accel changes it by {span:.1f} m/s"
-    if role == "speed" and watch.run >= PEDAL_FREEZE_S and pedal[1] - pedal[0] > MIN_PEDAL_CHANGE:
+    # a speed in steps stands still for as long as it is within one, whatever the pedal does
+    steps = watch.steps if len(watch.steps) >= MIN_SPEED_STEPS else (0.0,)
+    fine = watch.moving >= 2 * MIN_SPEED_STEPS and min(steps) < COARSE_SPEED_STEP
+    if role == "speed" and fine and watch.run >= PEDAL_FREEZE_S and pedal[1] - pedal[0] > MIN_PEDAL_CHANGE:
         return f"{begins} although the pedal moves by {pedal[1] - pedal[0]:.0f} %"
     unusual = watch.moving >= KNOWN_BLOCKS and watch.run >= max(
         MIN_UNUSUAL_S, UNUSUAL_FACTOR * (watch.usual + 1)

@@ -43,7 +43,7 @@ CHECKS: tuple[Check, ...] = (
     pedal_scale.CHECK,
     stamp_jitter.CHECK,
     *slow_signals.CHECKS,
-    coarse_signals.CHECK,
+    *coarse_signals.CHECKS,
     saturated_rate.CHECK,
     *delayed_rate.CHECKS,
 )
