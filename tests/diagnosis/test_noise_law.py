@@ -98,5 +98,5 @@ def test_an_interval_far_too_wide_becomes_that_of_the_likelihood() -> None:
         q = solved.q.copy()
         q[k] = end
         free = tuple(j for j in solved.fitted.free if j != k)
-        there = solve(data, solved.model, q, solved.noise, solved.rows, turns=2, free=free)
+        there = solve(data, solved.model, q, solved.noise, solved.rows, free=free)
         assert there.deviance - solved.deviance == pytest.approx(3.84, rel=0.35)

@@ -60,7 +60,7 @@ def select(at: Fitted, catalogue: Sequence[Effect], most: int) -> list[tuple[str
         )
         for name in promised[:FITTED]:
             best = driver_candidates.screen(curves[name], left, own)[0]
-            tried = solve(left, extended(own.model, curves[name]), best.q, white(n), rows, turns=1)
+            tried = solve(left, extended(own.model, curves[name]), best.q, white(n), rows, joint=False)
             # `solve` puts the noise at its size; a next step begins again with 1
             tried = _plain(tried, left.output.y, rows)
             k = len(tried.fitted.free) - len(own.fitted.free)

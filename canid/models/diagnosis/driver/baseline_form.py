@@ -49,8 +49,6 @@ OTHERS = (Form.GAP, Form.FREE_SPEED)
 BOUND_FORM_SHARE = 0.01
 # of the screened initial guesses, fitted in full
 FULL_FITS = 2
-# of parameters and noise, in each of these fits
-FORM_TURNS = 8
 SAYS = {
     Form.TIME_HEADWAY: "the wanted time headway is constant",
     Form.GAP: "the gap is controlled, with a standstill distance and a time gap (OVRV)",
@@ -140,9 +138,8 @@ def of_form(data: DriverData, fitted: FittedDriver, form: Form) -> FittedDriver 
     model = with_effects((), form, fitted.model.begins, fitted.model.tied)
     guesses = [local_minima.regained(model, data, fitted, q) for q in _starts(data, fitted, model)]
     guesses.sort(key=lambda guess: -guess.explains)
-    # another wanted gap leaves another noise: with the baseline's, the fit ends far from the optimum
     fits = [
-        polished(data, solve(data, model, guess.q, fitted.noise, fitted.rows, FORM_TURNS))
+        polished(data, solve(data, model, guess.q, fitted.noise, fitted.rows))
         for guess in guesses[:FULL_FITS]
     ]
     return min(fits, key=lambda fit: fit.deviance, default=None)

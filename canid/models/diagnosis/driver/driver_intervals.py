@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.stats import chi2
 
 from canid.mathematics.identification import identifiability
-from canid.mathematics.identification.confidence import SIGMAS
+from canid.mathematics.identification.confidence import MISS, SIGMAS
 from canid.mathematics.identification.movement_rhythm import RHYTHM_STEP_HZ
 from canid.models.diagnosis.driver import local_minima, spectral_line
 from canid.models.diagnosis.driver.driver_data import DriverData
@@ -15,7 +16,7 @@ from canid.models.diagnosis.driver.driver_fit import FittedDriver
 from canid.models.diagnosis.driver.driver_model import HIGH, K1, K2, SCALE, TAU1, TAU2, THETA1, THETA2
 from canid.models.diagnosis.driver.model_averaging import Alternative, Spread, averaged
 from canid.models.diagnosis.fitting.search import Named
-from canid.models.diagnosis.fitting.uncertainty import profiled, sandwich, widened
+from canid.models.diagnosis.fitting.uncertainty import inflation, of_effect, sandwich, widened
 from canid.models.effects.effect import Detector, Kind
 from canid.values.types import NAN, Channel, Interval
 
@@ -39,27 +40,18 @@ def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf
 
 def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, Interval]]:
     """Intervals of every cause's parameters: effect id -> name -> interval."""
-    robust = sandwich(solved.fitted, data.output.dt)
-    place = {k: i for i, k in enumerate(solved.fitted.free)}
     estimates: dict[str, dict[str, Interval]] = {}
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
-        estimates[effect.id] = {}
-        for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
-            if k not in place:
-                continue
-            i = place[k]
-            if p.change_point:
-                estimates[effect.id][p.name] = local_minima.interval(
-                    data, solved, k, float(robust.variance_inflation[i])
-                )
-                continue
-            narrow = interval(solved.q[k], float(np.sqrt(robust.C[i, i])), p.low, p.high)
-            # an interval that holds "no effect" although the likelihood has found one is of a curvature that says little
-            none = bool(p.typical) and narrow.low <= 0.0 <= narrow.high
-            ends = profiled if none else widened
-            estimates[effect.id][p.name] = ends(data, solved, k, narrow, float(robust.variance_inflation[i]))
+        by = GAINS_WIDER if effect.dead_time is None else DELAYS_WIDER
+        intervals = of_effect(data, solved, effect, by)
+        for k in local_minima.change_points(solved.model, effect):
+            spread = inflation(solved.fitted, [k], data.output.dt)
+            intervals[effect.parameters[k - where.start].name] = local_minima.interval(
+                data, solved, k, spread
+            )
         if effect.kind is Kind.LINE:
-            estimates[effect.id] = spectral_line.with_phase_drift(data, solved, where, estimates[effect.id])
+            intervals = spectral_line.with_phase_drift(data, solved, where, intervals)
+        estimates[effect.id] = intervals
     return estimates
 
 
@@ -123,11 +115,11 @@ def episode_parameters(named: Named, seconds: float) -> dict[str, Interval]:
         # half a step of the frequency grid to either side
         half = 0.5 * RHYTHM_STEP_HZ * named.level**2
         return {names[0]: Interval(named.level, named.level - half, named.level + half)}
-    rate = 60 * n / seconds
-    # the standard deviation of a count is its square root; that of a mean is its values' over the root of their number
-    wide = SIGMAS * rate / np.sqrt(n)
-    mean, sd = float(lengths.mean()), float(lengths.std(ddof=1) / np.sqrt(n)) if n > 1 else NAN
+    # a count is Poisson's (Garwood 1937); a mean of lengths is positive, and so is its interval: that of its logarithm
+    low, high = 0.5 * chi2.ppf(MISS / 2, 2 * n), 0.5 * chi2.isf(MISS / 2, 2 * n + 2)
+    rate, mean = 60 / seconds, float(lengths.mean())
+    ratio = float(np.exp(SIGMAS * lengths.std(ddof=1) / (np.sqrt(n) * mean))) if n > 1 else NAN
     return {
-        names[0]: Interval(rate, max(rate - wide, 0.0), rate + wide),
-        names[1]: Interval(mean, mean - SIGMAS * sd, mean + SIGMAS * sd),
+        names[0]: Interval(rate * n, rate * float(low), rate * float(high)),
+        names[1]: Interval(mean, mean / ratio, mean * ratio),
     }

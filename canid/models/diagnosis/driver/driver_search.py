@@ -12,6 +12,7 @@ from canid.mathematics.identification import movement_rhythm
 from canid.models.diagnosis.driver import (
     driver_candidates,
     intermittent_control,
+    local_minima,
     noise_law,
     pedal_holds,
     random_walk,
@@ -125,16 +126,19 @@ def selected(
         fitted: tries causes, each added to a model.
     """
     selected_causes, steps = forward_selection(begin, propose, accept)
-    kept = needed_still(selected_causes.data, selected_causes.solved, len(effects), least=1)
+    kept = needed_still(selected_causes.data, selected_causes.solved, len(effects))
 
     def swaps(worth: set[str], left: FittedModel[M]) -> Sequence[Candidate[M]]:
         return fitted(tuple(effect for effect in curves if effect.id in worth), selected_causes.data, left)
 
-    named = (
-        with_rivals(cause, selected_causes.data, kept, steps, swaps)
-        for cause in still_named(selected_causes.named, kept)
-    )
-    return selected_causes._replace(solved=kept.solved, steps=steps, named=tuple(named))
+    still = still_named(selected_causes.named, kept)
+    if not still:
+        baseline = selected_causes.baseline
+        return begin._replace(
+            baseline=baseline, solved=baseline, steps=steps, candidates=selected_causes.candidates
+        )
+    named = tuple(with_rivals(cause, selected_causes.data, kept, steps, swaps) for cause in still)
+    return selected_causes._replace(solved=kept.solved, steps=steps, named=named)
 
 
 def again(effect: Effect, data: DriverData, without: FittedDriver) -> FittedDriver:
@@ -266,6 +270,7 @@ def _accept(state: Search, option: Option[Found], measured: DriverData) -> tuple
         state = with_holds(state, step, ceiling)
         return _estimated(state, _ceiling_level(ceiling, state.data)), True
     state = with_curve(state, step, finding, noise_law.again)
+    state = state._replace(solved=local_minima.deepest(state.data, state.solved))
     return _estimated(state, _rhythm(step.effect, state.solved, state.data)), True
 
 

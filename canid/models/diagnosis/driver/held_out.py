@@ -3,7 +3,8 @@
 The drive is cut into blocks of half a minute, dealt out to four folds. Each fold is simulated by both models as fitted to
 the other three; the gain is the relative reduction of the error's variance, its interval that of a bootstrap over
 stretches longer than the noise's memory. What a search chose is chosen again on these three: a fit that begins at the
-time, speed or width that suits the whole drive stays there, and gains by what it knows of the fold that is held out.
+time, speed or width that suits the whole drive stays there, and gains by what it knows of the fold that is held out. Where
+the three leave open whether a change has been, both models are taken for the same.
 
 What that says of another drive behind another lead is less sure. The odds g / (1 − g) of a gain g are the power of the
 effect over that of the driver's noise, and how much of the effect a drive shows depends on its lead: on how often the
@@ -14,7 +15,7 @@ log odds between drives, which was measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -22,7 +23,7 @@ import numpy.typing as npt
 from scipy.special import expit, logit
 
 from canid.mathematics.identification.confidence import SIGMAS
-from canid.models.diagnosis.driver import driver_search, pedal_holds, random_walk
+from canid.models.diagnosis.driver import driver_search, local_minima, pedal_holds, random_walk
 from canid.models.diagnosis.driver.driver_search import CauseSearch, Search
 from canid.models.diagnosis.driver.random_walk import RandomWalk
 from canid.models.diagnosis.fitting import held_out_gain
@@ -40,8 +41,6 @@ FOLDS = 4
 BOOTSTRAP_STRETCH_S = 15.0
 # fewer stretches do not show how much the gain varies
 MIN_STRETCHES = 4
-# 2 Δ log likelihood on the other folds from which on a change's time there takes the place of that of the whole drive
-DISTINCT = 2.0
 
 C = TypeVar("C", bound=Columns)
 
@@ -94,6 +93,17 @@ def folds(original: D, search: CauseSearch[D, M], again: Again[D, M]) -> tuple[F
     return tuple(out)
 
 
+def determined(data: Columns, fits: Sequence[FittedModel[M]]) -> Flags:
+    """Samples (n,) at which the model that was fitted to the other folds says whether a change has been.
+
+    At all others it predicts what the model without the change does: what only the held-out samples know is worth nothing.
+    """
+    fold, out = dealt(data), np.zeros(data.output.y.size, dtype=bool)
+    for k, fit in enumerate(fits):
+        out[fold == k] = local_minima.determined(data, fit)[fold == k]
+    return out
+
+
 def models(data: C, solved: FittedModel[M], again: Again[C, M]) -> list[FittedModel[M]]:
     """One model, searched on all but each fold; arguments as of `searched`."""
     fold = dealt(data)
@@ -120,6 +130,7 @@ def errors(original: D, search: CauseSearch[D, M], fits: tuple[Fold[M], ...]) ->
         out = simulated(search, fitted.extended, fitted.random_walk)
         here = fold == k
         left, after_left = y - fitted.base.fitted.model, y - out
+        after_left = np.where(local_minima.determined(search.data, fitted.extended), after_left, left)
         before[here], after[here] = left[here] ** 2, after_left[here] ** 2
     return before, after, original.output.usable & ~original.output.hidden
 
@@ -137,7 +148,7 @@ def carried(search: Search, effect: Effect) -> float:
     for k in range(FOLDS):
         base = searched(data, without, fold != k, driver_search.again)
         with_it = driver_search.again(effect, data, base)
-        here = without.rows & (fold == k)
+        here = without.rows & (fold == k) & local_minima.determined(data, with_it)
         lost = [
             _deviance(score(data.output, here, each.noise, each.fitted.model), each.noise.sd)
             for each in (base, with_it)
@@ -164,25 +175,16 @@ def searched(data: C, solved: FittedModel[M], train: Flags, again: Again[C, M]) 
         return refitted(data, solved, train)
     model, q = without_parameters(solved, *(effect.id for effect in effects))
     # with a noise model of its own: that of the model with the effects leaves no room for them
-    fit = solve(data, model, q, solved.noise, solved.rows & train, turns=2)
+    fit = solve(data, model, q, solved.noise, solved.rows & train)
     for effect in effects:
         fit = again(effect, data, fit)
-    if not any(parameter.change_point for effect in effects for parameter in effect.parameters):
-        return fit
-    whole = refitted(data, solved, train)
-    rows = whole.rows & fit.rows
-    cost = [
-        _deviance(score(data.output, rows, model.noise, model.fitted.model), model.noise.sd)
-        for model in (whole, fit)
-    ]
-    # a change within what is held out has a time that these samples do not determine: none is held against it
-    return whole if cost[0] < cost[1] + DISTINCT else fit
+    return fit
 
 
 def refitted(data: Columns, solved: FittedModel[M], train: Flags) -> FittedModel[M]:
     """Fit a model again, to some samples only, from where it is: for parameters that no search chose."""
     rows = solved.rows & train
-    return solve(data, solved.model, solved.q, solved.noise, rows, turns=1, tolerance=ROUGH_TOLERANCE)
+    return solve(data, solved.model, solved.q, solved.noise, rows, joint=False, tolerance=ROUGH_TOLERANCE)
 
 
 def gain(before: Array, after: Array, where: Flags, dt: float) -> Interval:

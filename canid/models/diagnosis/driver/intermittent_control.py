@@ -103,7 +103,7 @@ def detect(
             q,
             without.noise,
             without.rows,
-            turns=1,
+            joint=False,
             iterations=QUICK_ITERATIONS,
         )
 

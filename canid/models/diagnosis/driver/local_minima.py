@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE, SIGMAS
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_model import (
     BASE,
@@ -29,11 +30,13 @@ from canid.models.diagnosis.driver.driver_model import (
     responses,
 )
 from canid.models.diagnosis.fitting.candidates import ROUNDING, Guess, model_directions
-from canid.models.diagnosis.fitting.fitted_model import FittedModel, solve
+from canid.models.diagnosis.fitting.fitted_model import FittedModel, M, solve
 from canid.models.diagnosis.fitting.least_squares import ROUGH_TOLERANCE
 from canid.models.diagnosis.fitting.likelihood import score, whitened
-from canid.models.diagnosis.fitting.model import RecentValues
+from canid.models.diagnosis.fitting.model import Columns, Model, RecentValues
+from canid.models.diagnosis.fitting.uncertainty import sandwich
 from canid.models.effects.effect import Effect
+from canid.values.findings import Flags
 from canid.values.types import Array, Interval
 
 # s, delays of the grid, and steps from each
@@ -68,7 +71,15 @@ def minima(
         guess[[TAU1, TAU2]], guess[[THETA1, THETA2]] = tau, theta
         guess = regained(model, data, without, guess, recent).q
         few = solve(
-            data, model, guess, without.noise, without.rows, 1, None, GRID_ITERATIONS, ROUGH_TOLERANCE
+            data,
+            model,
+            guess,
+            without.noise,
+            without.rows,
+            None,
+            GRID_ITERATIONS,
+            ROUGH_TOLERANCE,
+            joint=False,
         )
         short.append(few)
     short.sort(key=lambda minimum: minimum.deviance)
@@ -76,9 +87,7 @@ def minima(
     for minimum in short:
         if not any(same_minimum(minimum.q, other.q) for other in apart):
             apart.append(minimum)
-    return [
-        solve(data, model, minimum.q, without.noise, without.rows, turns=2) for minimum in apart[:MAX_MINIMA]
-    ]
+    return [solve(data, model, minimum.q, without.noise, without.rows) for minimum in apart[:MAX_MINIMA]]
 
 
 def same_minimum(first: Array, other: Array) -> bool:
@@ -136,18 +145,42 @@ def regained(
     return Guess(q, max(float(before @ before - left @ left), 0.0))
 
 
+def deepest(data: DriverData, solved: FittedModel[DriverModel]) -> FittedModel[DriverModel]:
+    """Move to the deepest minimum that a profile along each number of the causes meets, everything fitted anew there.
+
+    A cause shares its answers with gains and delays, and its likelihood may have a second minimum at another strength. An
+    interval around the first one is that of no maximum of the likelihood.
+    """
+    spread = np.sqrt(np.diag(sandwich(solved.fitted, data.output.dt).C))
+    best = solved
+    for i, k in enumerate(solved.fitted.free):
+        if k < solved.model.where[0].start or k in change_points(solved.model, *solved.model.effects):
+            continue
+        others = tuple(j for j in solved.fitted.free if j != k)
+        for sigmas in (-SIGMAS, SIGMAS):
+            q = solved.q.copy()
+            q[k] = np.clip(q[k] + sigmas * spread[i], solved.model.low[k], solved.model.high[k])
+            held = solve(data, solved.model, q, solved.noise, solved.rows, free=others)
+            if held.deviance > best.deviance + CHI_SQUARED_QUANTILE:
+                continue
+            tried = solve(data, solved.model, held.q, held.noise, solved.rows)
+            if tried.deviance < best.deviance - MIN_DEVIANCE_DROP:
+                best = tried
+    return best
+
+
 # 2 Δ log likelihood within which the true change point lies in 95 % (Hansen 2000, eq. 11 and table 1): its likelihood
 # is no parabola
 CHANGE_POINT_FALL = 7.35
 # s before or after a drive, at which a change has no part in it
-FAR_S = 1e4
+FAR_S = 1e9
 # how often the other parameters and the change point are fitted in turn
 CHANGE_POINT_ALTERNATIONS = 3
 # −2 log likelihood by which another time must be better
 MIN_DEVIANCE_DROP = 0.5
 
 
-def change_points(model: DriverModel, *among: Effect) -> list[int]:
+def change_points(model: Model, *among: Effect) -> list[int]:
     """Indices of the parameters that are change points, of some effects."""
     return [
         k
@@ -196,16 +229,31 @@ def _from_here(x: Array) -> Array:
     return out
 
 
-def costs(data: DriverData, solved: FittedModel[DriverModel], k: int) -> Array:
+def costs(data: Columns, solved: FittedModel[M], k: int) -> Array:
     """−2 log likelihood (n,) with the change point at each sample, all else fixed; up to a constant."""
+    simulate = solved.model.bind(data)
 
     def squares(time: float) -> Array:
         q = solved.q.copy()
         q[k] = time
-        return score(data.output, solved.rows, solved.noise, pedal(solved.model, data, q)).loss
+        return score(data.output, solved.rows, solved.noise, simulate(q)).loss
 
-    before, after = squares(data.seen.duration + FAR_S), squares(-FAR_S)
+    before, after = squares(FAR_S), squares(-FAR_S)
     out: Array = np.cumsum(before) - before + _from_here(after)
+    return out
+
+
+def determined(data: Columns, solved: FittedModel[M]) -> Flags:
+    """Samples (n,) at which a fit says whether a change has been.
+
+    Between the first and the last time of the change that its own rows take for likely (95 %, Hansen 2000) it does not: as
+    where it is fitted to the rest of a drive, and the change lies in what is left out.
+    """
+    out = np.ones(solved.rows.size, dtype=bool)
+    for k in change_points(solved.model, *solved.model.effects):
+        cost = costs(data, solved, k)
+        likely = np.flatnonzero(cost - cost.min() <= CHANGE_POINT_FALL)
+        out[likely[0] : likely[-1] + 1] = False
     return out
 
 

@@ -21,7 +21,7 @@ from canid.mathematics.identification import innovation_law
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
 from canid.models.diagnosis.fitting import likelihood
-from canid.models.diagnosis.fitting.fitted_model import FIT_TURNS, polished, rescaled, solve
+from canid.models.diagnosis.fitting.fitted_model import polished, rescaled, solve
 from canid.models.diagnosis.fitting.likelihood import Noise
 from canid.models.diagnosis.fitting.uncertainty import needed
 from canid.models.diagnosis.remnant import law_search
@@ -62,12 +62,12 @@ def stated(solved: FittedDriver) -> tuple[str, ...]:
     )
 
 
-def again(data: DriverData, solved: FittedDriver, turns: int = FIT_TURNS) -> FittedDriver:
+def again(data: DriverData, solved: FittedDriver) -> FittedDriver:
     """Fit the noise's scale anew, and its law where there was one, now that a model has changed; then the model."""
     noise = of_innovations(data, solved) if math.isfinite(solved.noise.freedom) else None
     if noise is None:
-        return rescaled(data, solved, turns)
-    return solve(data, solved.model, solved.q, noise, solved.rows, turns)
+        return rescaled(data, solved)
+    return solve(data, solved.model, solved.q, noise, solved.rows)
 
 
 def of_innovations(data: DriverData, solved: FittedDriver) -> Noise | None:

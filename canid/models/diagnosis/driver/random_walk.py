@@ -80,7 +80,7 @@ def detect(data: DriverData, solved: FittedDriver) -> RandomWalk | None:
     fitted_problem = problem(data, solved.model, solved.noise, solved.rows, solved.fitted.free)
     directions = derivatives(fitted_problem, solved.q, solved.fitted.model)
     left_then = data.output.y - solved.fitted.model - away
-    quicker = fit_noise(data.output, left_then, p, solved.noise.size, solved.noise.freedom)
+    quicker = fit_noise(data.output, left_then, p, solved.noise.size, solved.noise.freedom, solved.rows)
     plain = _explained(data, solved, directions, shape, solved.noise)
     first = plain, _explained(data, solved, directions, shape, quicker)
     return max(
@@ -121,6 +121,7 @@ def _found(
             noise.A.size - 1,
             noise.size,
             noise.freedom,
+            solved.rows,
         )
         evidence = float(plain - profile[k])
         if best is None or evidence > best.evidence:
@@ -158,7 +159,7 @@ def scores_of_walk(data: DriverData, solved: FittedDriver, walk: RandomWalk, row
     left = data.output.y - solved.fitted.model
     # a linear filter: Gaussian innovations, of the standard deviation that they have
     noise = walk.noise._replace(sd=walk.noise.sd * walk.noise.deviation, freedom=math.inf)
-    plain = fit_noise(data.output, left, noise.A.size - 1, noise.size)
+    plain = fit_noise(data.output, left, noise.A.size - 1, noise.size, rows=solved.rows)
     free = rows & ~data.output.hidden
     X, e, e0 = whitened(noise, shape), whitened(noise, left), whitened(plain, left)
     # recursive Bayesian regression of the steps, each normal with variance 1

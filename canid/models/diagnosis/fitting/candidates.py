@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple
 import numpy as np
 from scipy.linalg import qr
 
-from canid.models.diagnosis.fitting.fitted_model import FIT_TURNS, FittedModel, M, dropped, extended, solve
+from canid.models.diagnosis.fitting.fitted_model import FittedModel, M, dropped, extended, solve
 from canid.models.diagnosis.fitting.likelihood import whitened
 from canid.models.diagnosis.fitting.model import Columns, place
 from canid.models.diagnosis.fitting.search import RIVAL, Named, Step
@@ -87,11 +87,11 @@ def screened(effect: Effect, data: Columns, without: FittedModel[M], guesses: It
 
 
 def best_fit(
-    effect: Effect, data: Columns, without: FittedModel[M], guesses: Iterable[Array], turns: int = FIT_TURNS
+    effect: Effect, data: Columns, without: FittedModel[M], guesses: Iterable[Array]
 ) -> FittedModel[M]:
     """Fit one more effect from several initial guesses; the likeliest."""
     model = extended(without.model, effect)
-    fits = (solve(data, model, q, without.noise, without.rows, turns) for q in guesses)
+    fits = (solve(data, model, q, without.noise, without.rows) for q in guesses)
     return min(fits, key=lambda fitted: fitted.deviance)
 
 
@@ -112,17 +112,18 @@ class Kept(NamedTuple, Generic[M]):
     without: dict[str, FittedModel[M]]  # effect id -> the model without it; {}: nothing was left out
 
 
-def needed_still(data: Columns, solved: FittedModel[M], tried: int, least: int) -> Kept[M]:
-    """Drop the effects that the others have made superfluous, the weakest first.
+def needed_still(data: Columns, solved: FittedModel[M], tried: int) -> Kept[M]:
+    """Drop the effects that the others, or the noise fitted next to them, have made superfluous, the weakest first.
+
+    An effect that stays is needed under the likelihood that its intervals are of: none of them holds "no effect".
 
     Args:
         data: what is explained.
         solved: the model.
         tried: candidates of the whole search.
-        least: effects that stay without being tested again.
     """
     evidence: dict[str, float] = {}
-    while len(solved.model.effects) > least:
+    while solved.model.effects:
         without = {effect.id: dropped(data, solved, effect.id) for effect in solved.model.effects}
         priced = [
             price(effect, solved, without[effect.id], data.output.dt) for effect in solved.model.effects
@@ -136,12 +137,13 @@ def needed_still(data: Columns, solved: FittedModel[M], tried: int, least: int) 
 
 
 def still_named(named: Sequence[Named], kept: Kept[M]) -> list[Named]:
-    """Names whose effects are still needed, with the evidence next to the others."""
-    return [
-        cause._replace(evidence=kept.evidence.get(cause.effect.id, cause.evidence))
-        for cause in named
-        if cause.effect.id not in kept.evidence or cause.effect in kept.solved.model.effects
-    ]
+    """Names whose effects are still needed, with the evidence next to the others; of one alone never more than it had."""
+    alone, out = len(kept.evidence) == 1, []
+    for cause in named:
+        evidence = kept.evidence.get(cause.effect.id, cause.evidence)
+        if cause.effect.id not in kept.evidence or cause.effect in kept.solved.model.effects:
+            out.append(cause._replace(evidence=min(evidence, cause.evidence) if alone else evidence))
+    return out
 
 
 def with_rivals(

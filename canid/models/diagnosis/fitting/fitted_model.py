@@ -1,4 +1,4 @@
-"""Maximum likelihood of one model under autoregressive noise, by turns: the parameters given the noise, and the reverse."""
+"""Maximum likelihood of one model under autoregressive noise: parameters and noise model jointly."""
 
 from __future__ import annotations
 
@@ -7,14 +7,21 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from canid.mathematics.identification.levenberg_marquardt import Local, minimise
 from canid.models.diagnosis.fitting import likelihood
 from canid.models.diagnosis.fitting.least_squares import (
+    DAMPING,
     ITERATIONS,
     ROUGH_TOLERANCE,
     TOLERANCE,
     Fitted,
     Problem,
     fit,
+    free_ties,
+    jacobian,
+    local,
+    tied,
+    without_memory,
 )
 from canid.models.diagnosis.fitting.likelihood import Noise
 from canid.models.diagnosis.fitting.model import Along, Columns, Model
@@ -22,8 +29,6 @@ from canid.models.effects.effect import Effect
 from canid.values.findings import Flags
 from canid.values.types import Array
 
-# turns of "parameters given the noise, noise given the parameters"; the third moves an evidence by less than 0.1
-FIT_TURNS = 3
 # parts of lag and dead time together that are tried as the lag
 LAG_SHARES = (0.1, 0.5, 0.85)
 # −2 log likelihood by which another local minimum must be deeper
@@ -74,12 +79,12 @@ def solve(
     q: Array,
     noise: Noise,
     rows: Flags,
-    turns: int = FIT_TURNS,
     free: tuple[int, ...] | None = None,
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
+    joint: bool = True,
 ) -> FittedModel[M]:
-    """Fit parameters and noise by turns; rows, order and scale of the noise are held.
+    """Fit parameters and noise; rows, order and scale of the noise are held.
 
     Args:
         data: what is explained.
@@ -87,38 +92,81 @@ def solve(
         q: initial guess.
         noise: noise model to begin with; its order and scale are kept.
         rows: samples that count.
-        turns: how often.
         free: parameters that move; None: all of the model's.
-        iterations: of the first turn, at most: few where many initial guesses are compared.
-        tolerance: of the last turn.
+        iterations: with the noise model held, at most: few where many initial guesses are compared.
+        tolerance: relative fall of the cost at which the fit has ended.
+        joint: fit the coefficients of the noise model as well; False: they are held.
     """
-    fitted, noise = _by_turns(data, problem(data, model, noise, rows, free), q, turns, iterations, tolerance)
-    noise, fitted = _rescaled(data, fitted, noise)
-    return FittedModel(model, fitted, noise, rows, _deviance(fitted, noise))
+    to_fit = problem(data, model, noise, rows, free)
+    if not joint:
+        fitted = fit(to_fit, q, iterations, tolerance)
+        noise, fitted = _rescaled(data, fitted, noise)
+        return FittedModel(model, fitted, noise, rows, _deviance(fitted, noise))
+    rough = fit(to_fit, q, iterations, ROUGH_TOLERANCE)
+    return _concentrated(data, model, to_fit, rough.q, tolerance)
 
 
-def _by_turns(
-    data: Columns,
-    to_fit: Problem,
-    q: Array,
-    turns: int,
-    iterations: int = ITERATIONS,
-    tolerance: float = TOLERANCE,
-) -> tuple[Fitted, Noise]:
-    def ends(turn: int) -> float:
-        return tolerance if turn == turns - 1 else ROUGH_TOLERANCE
+def _concentrated(data: Columns, model: M, to_fit: Problem, q: Array, tolerance: float) -> FittedModel[M]:
+    """Descend with the noise model at its best at every point (variable projection: Golub & Pereyra 1973, Kaufman 1975).
 
-    fitted = fit(to_fit, q, iterations, ends(0))
-    for turn in range(1, turns):
-        to_fit = to_fit._replace(noise=refitted(data, fitted, to_fit.noise))
-        fitted = fit(to_fit, fitted.q, tolerance=ends(turn))
-    return fitted, to_fit.noise
+    In closed loop the inputs hold the noise of before, so that the noise model takes up a part of what a parameter does:
+    turns of the one given the other come to their end late, or stop where they began.
+    """
+
+    def point(q: Array) -> FittedModel[M]:
+        at = to_fit.model(q)
+        noise = refitted(data, at, to_fit.noise, to_fit.rows)
+        scored = likelihood.score(data.output, to_fit.rows, noise, at)
+        nothing = np.empty((at.size, 0))
+        fitted = Fitted(q, to_fit.free, at, scored, nothing, free_ties(to_fit), tied(to_fit, q))
+        noise, fitted = _rescaled(data, fitted, noise)
+        return FittedModel(model, fitted, noise, to_fit.rows, _deviance(fitted, noise))
+
+    def derivatives(here: FittedModel[M]) -> Array:
+        return jacobian(
+            to_fit._replace(noise=here.noise), here.q, here.fitted.model, here.fitted.scored.slope
+        )
+
+    def near(here: FittedModel[M]) -> Local[FittedModel[M]] | None:
+        J = without_memory(derivatives(here), memory(data, here))
+        return local(to_fit, here.q, J, here.fitted.scored.e, point)
+
+    first = point(np.clip(q, to_fit.low, to_fit.high))
+    count = max(first.fitted.scored.free, 1)
+    # positive, and near the first point of the slope of a sum of squares
+    minimum = minimise(
+        first,
+        lambda at: count * float(np.exp((at.deviance - first.deviance) / count)),
+        near,
+        DAMPING._replace(tolerance=tolerance),
+    ).point
+    fitted = minimum.fitted._replace(jacobian=derivatives(minimum), memory=memory(data, minimum))
+    return minimum._replace(fitted=fitted)
 
 
-def refitted(data: Columns, fitted: Fitted, noise: Noise) -> Noise:
-    """Fit the noise model again to what the model leaves, of the same order and scale."""
-    left, p = data.output.y - fitted.model, noise.A.size - 1
-    return likelihood.fit_noise(data.output, left, p, noise.size, noise.freedom)._replace(state=noise.state)
+def memory(data: Columns, solved: FittedModel[M]) -> Array:
+    """Derivatives of the whitened residuals by the noise model's coefficients, (n, p)."""
+    noise, rows = solved.noise, solved.rows
+    left = np.where(rows | data.output.usable, data.output.y - solved.fitted.model, 0.0)
+    unit = -solved.fitted.scored.slope / (noise.sd * noise.size)
+    out: Array = np.where(rows[:, None], likelihood.past(left, noise.A.size - 1) * unit[:, None], 0.0)
+    return out
+
+
+def _by_turns(data: Columns, to_fit: Problem, q: Array, turns: int) -> Fitted:
+    """Fit parameters given the noise and the noise given the parameters by turns, roughly."""
+    fitted = fit(to_fit, q, tolerance=ROUGH_TOLERANCE)
+    for _ in range(1, turns):
+        to_fit = to_fit._replace(noise=refitted(data, fitted.model, to_fit.noise))
+        fitted = fit(to_fit, fitted.q, tolerance=ROUGH_TOLERANCE)
+    return fitted
+
+
+def refitted(data: Columns, model: Array, noise: Noise, rows: Flags | None = None) -> Noise:
+    """Fit the noise model again to what a model's output (n,) leaves on some rows, of the same order and scale."""
+    left, p = data.output.y - model, noise.A.size - 1
+    again = likelihood.fit_noise(data.output, left, p, noise.size, noise.freedom, rows)
+    return again._replace(state=noise.state)
 
 
 def _rescaled(data: Columns, fitted: Fitted, noise: Noise) -> tuple[Noise, Fitted]:
@@ -155,12 +203,12 @@ def polished(data: Columns, solved: FittedModel[M]) -> FittedModel[M]:
         for share in LAG_SHARES:
             q = begin.q.copy()
             q[tau], q[theta] = share * total, (1 - share) * total
-            tried = solve(data, solved.model, q, begin.noise, solved.rows, turns=1)
+            tried = solve(data, solved.model, q, begin.noise, solved.rows, joint=False)
             if tried.deviance < best.deviance - MIN_FIT_IMPROVEMENT:
                 best = tried
     if best is solved:
         return best
-    return solve(data, solved.model, best.q, best.noise, solved.rows, turns=2)
+    return solve(data, solved.model, best.q, best.noise, solved.rows)
 
 
 def extended(model: M, effect: Effect) -> M:
@@ -190,14 +238,14 @@ def baseline(data: Columns, model: M, start: Start) -> FittedModel[M] | None:
     to_fit = problem(data, model, Noise(start.A, start.sd, ones, np.empty(0)), rows)
     best: Fitted | None = None
     for q in start.initial:
-        fitted = _by_turns(data, to_fit, q, start.turns)[0]
+        fitted = _by_turns(data, to_fit, q, start.turns)
         if best is None or fitted.scored.cost + fitted.tied < best.scored.cost + best.tied:
             best = fitted
     assert best is not None
     noise = to_fit.noise
     for _ in range(start.rounds):
         noise, rows = _ordered(data, best)
-        best = _by_turns(data, to_fit._replace(noise=noise, rows=rows), best.q, start.turns)[0]
+        best = _by_turns(data, to_fit._replace(noise=noise, rows=rows), best.q, start.turns)
     if model.noise_features(data, best.model) is None:
         noise, rows = _ordered(data, best)
     else:
@@ -215,10 +263,10 @@ def _ordered(data: Columns, fitted: Fitted) -> tuple[Noise, Flags]:
     return noise, likelihood.counted(data.output, p)
 
 
-def rescaled(data: Columns, solved: FittedModel[M], turns: int = FIT_TURNS) -> FittedModel[M]:
+def rescaled(data: Columns, solved: FittedModel[M]) -> FittedModel[M]:
     """Fit how the noise scale follows the state anew, then the model."""
     noise = scaled_by_state(data, solved.model, solved.fitted, solved.noise, solved.rows)
-    return solve(data, solved.model, solved.q, noise, solved.rows, turns)
+    return solve(data, solved.model, solved.q, noise, solved.rows)
 
 
 def scaled_by_state(data: Columns, model: Model, fitted: Fitted, noise: Noise, rows: Flags) -> Noise:

@@ -33,6 +33,19 @@ BLOCK = 32
 LAG = np.arange(BLOCK)[:, None] - np.arange(BLOCK)
 
 
+def past(x: Array, p: int) -> Array:
+    """Columns of the p samples before each one, (n, p); before the first it was 0.
+
+    Example:
+        >>> past(np.array([1.0, 2.0, 3.0]), 2).tolist()
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]
+    """
+    out = np.zeros((x.size, p))
+    for k in range(1, min(p, x.size - 1) + 1):
+        out[k:, k - 1] = x[:-k]
+    return out
+
+
 def filtered(A: Array, rows: Array) -> Array:
     """Filter each row (k, n) by A (p + 1,); before its first sample it was 0.
 
@@ -192,15 +205,18 @@ def laid_out(white: Array, slope: Array, rows: Flags, free: Flags, freedom: floa
     return Scored(e, np.where(rows, slope, 0.0), loss, float(loss.sum()), int(np.count_nonzero(free)))
 
 
-def fit_noise(output: Output, residual: Array, p: int, size: Array, freedom: float = math.inf) -> Noise:
+def fit_noise(
+    output: Output, residual: Array, p: int, size: Array, freedom: float = math.inf, rows: Flags | None = None
+) -> Noise:
     """Fit A of order p to a residual (n,), by least squares over the samples that count, each weighted by its size.
+
+    `rows` (n,) are these samples; None: all of them.
 
     The residual has a mean of its own while the offset is not at its best. Without an intercept the noise model takes that
     mean for a root near the unit circle, which leaves the offset unidentified: the next fit of it may end anywhere. For
     the same reason the noise is stationary, its longest memory `MAX_NOISE_MEMORY_S`.
     """
-    rows = counted(output, p) & ~output.hidden
-    index = np.flatnonzero(rows)
+    index = np.flatnonzero((counted(output, p) if rows is None else rows) & ~output.hidden)
     none: Array = np.empty(0)
     if index.size < 4 * (p + 1):
         sd = max(float(np.std(residual[output.usable])), 1e-9)

@@ -3,9 +3,9 @@
 The covariance of a fit and of its scores is robust against autocorrelated noise (White 1982; Newey & West 1987), and so is
 the evidence that chance exceeds. Profile likelihoods (Venzon & Moolgavkar 1988) are for likelihoods that are no parabola:
 of a dead zone's width, a threshold, the split of a delay the likelihood falls slowly on one side and fast on the other,
-and the curvature at its top shows neither. Each end is moved, all other parameters fitted anew, until the fall is what the
-interval allows, times the variance inflation of the score. The block jackknife estimates with one stretch of the drive
-left out (Quenouille 1956, Künsch 1989).
+and the curvature at its top shows neither. Each end is moved, all other parameters and the noise fitted anew, until the
+fall is what the interval allows, times the variance inflation of the score. The block jackknife estimates with one stretch
+of the drive left out (Quenouille 1956, Künsch 1989).
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from scipy.linalg import qr
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE, MISS
+from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE, MISS, SIGMAS
 from canid.models.diagnosis.fitting.fitted_model import FittedModel, M, solve
-from canid.models.diagnosis.fitting.least_squares import Fitted
-from canid.models.diagnosis.fitting.model import Columns
+from canid.models.diagnosis.fitting.least_squares import Fitted, without_memory
+from canid.models.diagnosis.fitting.model import Columns, place
+from canid.models.effects.effect import Effect
 from canid.values.findings import Flags
 from canid.values.types import Array, Interval
 
@@ -84,11 +85,14 @@ class Covariance(NamedTuple):
 def sandwich(fitted: Fitted, dt: float) -> Covariance:
     """Covariance of the free parameters (White 1982), nowhere narrower than the likelihood's.
 
+    The coefficients of the noise are estimated as well, and in closed loop they are no other matter: the inputs hold the
+    noise of before.
+
     Args:
         fitted: with whitened residuals (n,), their derivatives (n, k) and what was known beforehand.
         dt: s.
     """
-    J, e = fitted.jacobian, fitted.scored.e
+    J, e = without_memory(fitted.jacobian, fitted.memory), fitted.scored.e
     scale = np.linalg.norm(J, axis=0)
     scale[scale == 0] = 1.0
     J, ties = J / scale, fitted.ties / scale
@@ -143,13 +147,33 @@ def widened(
     )
 
 
+def of_effect(
+    data: Columns, solved: FittedModel[M], effect: Effect, wider: float = 1.0
+) -> dict[str, Interval]:
+    """Profile likelihood intervals of one effect's parameters, 95 %: name -> interval; change points have none.
+
+    Args:
+        data: what was fitted.
+        solved: the best fit.
+        effect: of its model.
+        wider: by how much the errors of such fits exceed what their likelihood says.
+    """
+    robust, where = sandwich(solved.fitted, data.output.dt), place(solved.model, effect.id)
+    at = {k: i for i, k in enumerate(solved.fitted.free)}
+    out = {}
+    for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
+        if k in at and not p.change_point:
+            i, value = at[k], float(solved.q[k])
+            half = wider * SIGMAS * math.sqrt(float(robust.C[i, i]))
+            narrow = Interval(value, max(value - half, p.low), min(value + half, p.high))
+            out[p.name] = profiled(data, solved, k, narrow, wider**2 * float(robust.variance_inflation[i]))
+    return out
+
+
 def profiled(
     data: Columns, solved: FittedModel[M], k: int, narrow: Interval, variance_inflation: float
 ) -> Interval:
-    """Move both ends of an interval to where the likelihood has fallen enough, inwards as well; arguments as of `widened`.
-
-    The noise model is fitted anew at each end: it takes up a part of what a parameter that is held back leaves.
-    """
+    """Move both ends to where the likelihood has fallen enough, inwards as well; arguments as of `widened`."""
     value, model = float(solved.q[k]), solved.model
     ends = [
         _crossing(data, solved, k, end, bound, variance_inflation)
@@ -171,10 +195,10 @@ def _crossing(
         if not 1e-9 < away < math.inf:
             return value + sign * away
         q[k] = value + sign * away
-        there = solve(data, solved.model, q, solved.noise, solved.rows, turns=2, free=free)
+        there = solve(data, solved.model, q, solved.noise, solved.rows, free=free)
         q, fallen = there.q.copy(), max(there.deviance - solved.deviance, 0.0) / variance_inflation
         if abs(fallen / CHI_SQUARED_QUANTILE - 1.0) < TOLERANCE:
-            return float(q[k])
+            return value + sign * min(away * math.sqrt(CHI_SQUARED_QUANTILE / fallen), far)
         if fallen < CHI_SQUARED_QUANTILE:
             inner = away
             if away == far:
@@ -204,7 +228,7 @@ def _end(
         if abs(away) < 1e-9 or not np.isfinite(away):
             return end
         q[k] = end
-        there = solve(data, solved.model, q, solved.noise, solved.rows, turns=1, free=free)
+        there = solve(data, solved.model, q, solved.noise, solved.rows, free=free)
         fallen = max(there.deviance - solved.deviance, 0.0) / variance_inflation
         if fallen >= CHI_SQUARED_QUANTILE * (1 - TOLERANCE) or end == bound:
             return end

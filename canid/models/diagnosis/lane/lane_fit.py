@@ -11,7 +11,7 @@ from canid.models.diagnosis.driver.driver_intervals import BOUND_SCALE_SHARE, in
 from canid.models.diagnosis.fitting import fitted_model
 from canid.models.diagnosis.fitting.candidates import BOUND_RANGE_SHARE
 from canid.models.diagnosis.fitting.fitted_model import FittedModel, Start, solve
-from canid.models.diagnosis.fitting.uncertainty import sandwich, widened
+from canid.models.diagnosis.fitting.uncertainty import of_effect, sandwich, widened
 from canid.models.diagnosis.lane.lane_model import (
     HIGH,
     KD,
@@ -70,16 +70,7 @@ WIDER = 1.6
 
 def parameters(solved: FittedLane, data: LaneData) -> dict[str, dict[str, Interval]]:
     """Intervals of every cause's parameters: effect id -> name -> interval."""
-    robust = sandwich(solved.fitted, data.output.dt)
-    place = {k: i for i, k in enumerate(solved.fitted.free)}
-    out: dict[str, dict[str, Interval]] = {}
-    for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
-        out[effect.id] = {}
-        for p, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
-            i = place[k]
-            narrow = interval(solved.q[k], float(np.sqrt(robust.C[i, i])), p.low, p.high)
-            out[effect.id][p.name] = widened(data, solved, k, narrow, float(robust.variance_inflation[i]))
-    return out
+    return {effect.id: of_effect(data, solved, effect, WIDER) for effect in solved.model.effects}
 
 
 def channels(solved: FittedLane, data: LaneData) -> dict[str, Channel]:

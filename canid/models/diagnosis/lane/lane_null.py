@@ -131,9 +131,9 @@ def refitted(replicate: LaneData, null: FittedLane) -> FittedLane | None:
     rows: Flags = likelihood.counted(replicate.output, null.noise.A.size - 1)
     if not rows.any():
         return None
-    first = solve(replicate, null.model, null.q, null.noise, rows, turns=1)
+    first = solve(replicate, null.model, null.q, null.noise, rows, joint=False)
     noise = scaled_by_state(replicate, null.model, first.fitted, null.noise, rows)
-    return solve(replicate, null.model, first.q, noise, rows, turns=2)
+    return solve(replicate, null.model, first.q, noise, rows)
 
 
 def gain(replicate: LaneData, base: FittedLane, named: Sequence[Named]) -> float:

@@ -31,8 +31,8 @@ def refitted(replicate: Replicate, null: FittedDriver) -> tuple[DriverData, Fitt
         return None
     # bursts come at other times
     noise = null.noise._replace(size=np.ones(rows.size)) if np.isfinite(null.noise.freedom) else null.noise
-    first = solve(data, null.model, null.q, noise, rows, turns=1, tolerance=ROUGH_TOLERANCE)
-    return data, noise_law.again(data, first, turns=2)
+    first = solve(data, null.model, null.q, noise, rows, joint=False, tolerance=ROUGH_TOLERANCE)
+    return data, noise_law.again(data, first)
 
 
 def gain(data: DriverData, base: FittedDriver, named: Sequence[Named]) -> float:

@@ -108,10 +108,11 @@ def of_whole(
     """
     rows = search.baseline.rows & search.solved.rows
     if search.random_walk is None:
-        base = by_fold(original, [fold.base for fold in fits], rows, size)
-        won = difference(base, by_fold(search.data, [fold.extended for fold in fits], rows, size), rows)
+        base, models = by_fold(original, [fold.base for fold in fits], rows, size), [f.extended for f in fits]
+        won = difference(base, by_fold(search.data, models, rows, size), rows)
+        won = np.where(held_out.determined(search.data, models), won, 0.0)
     else:
-        won = _walk(original, search, rows)
+        won = _walk(original, search, fits, rows)
     return gain(*_with_holds(original, search, won), original.output.dt)
 
 
@@ -133,17 +134,18 @@ def of_each(
     fitted = {effect.id for effect in search.solved.model.effects}
     dt = original.output.dt
     rows = search.solved.rows
-    with_all = by_fold(search.data, [fold.extended for fold in fits], rows, size)
+    models = [fold.extended for fold in fits]
+    with_all, known = by_fold(search.data, models, rows, size), held_out.determined(search.data, models)
     zero = np.zeros(rows.size)
     for cause in search.named:
         if cause.effect.id in fitted:
             left = dropped(search.data, search.solved, cause.effect.id)
-            without = by_fold(
-                search.data, held_out.models(search.data, left, driver_search.again), rows, size
-            )
-            out[cause.effect.id] = gain(difference(without, with_all, rows), rows, dt)
+            models = held_out.models(search.data, left, driver_search.again)
+            won = difference(by_fold(search.data, models, rows, size), with_all, rows)
+            both = known & held_out.determined(search.data, models)
+            out[cause.effect.id] = gain(np.where(both, won, 0.0), rows, dt)
         elif search.random_walk is not None and Detector.RANDOM_WALK in cause.effect.detectors:
-            out[cause.effect.id] = gain(_walk(original, search, rows), rows, dt)
+            out[cause.effect.id] = gain(_walk(original, search, fits, rows), rows, dt)
         else:
             # what else is held is known to both
             alone = search._replace(
@@ -199,11 +201,15 @@ def by_fold(
     return out
 
 
-def _walk(original: DriverData, search: Search, rows: Flags) -> Array:
-    """What a filtered random walk adds to each log score, (n,)."""
-    assert search.random_walk is not None
+def _walk(original: DriverData, search: Search, fits: Sequence[Fold[DriverModel]], rows: Flags) -> Array:
+    """What a filtered random walk adds to each log score, (n,); its size and the noise are those of the other folds."""
     whole = search.data._replace(output=search.data.output._replace(y=original.output.y))
-    return scores_of_walk(whole, search.solved, search.random_walk, rows)
+    fold, out = held_out.dealt(original), np.zeros(rows.size)
+    for k, fit in enumerate(fits):
+        if fit.random_walk is not None:
+            here = fold == k
+            out[here] = scores_of_walk(whole, fit.extended, fit.random_walk, rows)[here]
+    return out
 
 
 def _with_holds(original: DriverData, search: Search, won: Array, only: bool = False) -> tuple[Array, Flags]:

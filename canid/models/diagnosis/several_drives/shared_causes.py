@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from canid.models.diagnosis.driver import driver_intervals, driver_search, held_out
+from canid.models.diagnosis.driver import driver_intervals, driver_search, held_out, local_minima
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
 from canid.models.diagnosis.driver.driver_model import BASE, K1, K2, TAU1, TAU2, THETA1, THETA2
@@ -95,28 +95,27 @@ def gains_by_the_others(
     if not others.any() or not here.any():
         return dict.fromkeys(without, Interval())
     size = model.noise.size
-    with_it = _predicted(data, model, here, others, size, again)
-    return {
-        effect: gain(
-            predictive_score.difference(_predicted(data, left, here, others, size, again), with_it, here),
-            here,
-            data.output.dt,
-        )
-        for effect, left in without.items()
-    }
+    with_it, known = _predicted(data, model, here, others, size, again)
+    out = {}
+    for effect, left in without.items():
+        predicted, also = _predicted(data, left, here, others, size, again)
+        won = predictive_score.difference(predicted, with_it, here)
+        out[effect] = gain(np.where(known & also, won, 0.0), here, data.output.dt)
+    return out
 
 
 def _predicted(
     data: C, fitted: FittedModel[M], here: Flags, others: Flags, size: Array, again: Again[C, M]
-) -> predictive_score.Predicted:
-    """One-step predictions on a drive by a fit to the others, after the drive's own offset."""
+) -> tuple[predictive_score.Predicted, Flags]:
+    """One-step predictions on a drive by a fit to the others, after its own offset; where that fit determines a change."""
     fit = held_out.searched(data, fitted, others, again)
     free = here & ~data.output.hidden
     level = np.where(free, whitened(fit.noise, np.ones(here.size)), 0.0)
     error = likelihood.score(data.output, free, fit.noise, fit.fitted.model).e
     offset = float(level @ error) / max(float(level @ level), 1e-12)
     output = data.output._replace(y=np.where(here, data.output.y - offset, data.output.y))
-    return predictive_score.predictions(output, here, fit, fitted.rows & others, size)
+    predicted = predictive_score.predictions(output, here, fit, fitted.rows & others, size)
+    return predicted, local_minima.determined(data, fit)
 
 
 def _alone(data: DriverData, solved: FittedDriver, here: Flags) -> FittedDriver | None:
@@ -125,7 +124,7 @@ def _alone(data: DriverData, solved: FittedDriver, here: Flags) -> FittedDriver 
         return None
     base = range(len(BASE))
     free = tuple(k for k in solved.model.free() if k in base)
-    return solve(data, solved.model, solved.q, solved.noise, here, turns=1, free=free)
+    return solve(data, solved.model, solved.q, solved.noise, here, joint=False, free=free)
 
 
 def _differences(search: Search, fits: Sequence[FittedDriver], dt: float) -> tuple[str, ...]:
@@ -138,7 +137,7 @@ def _differences(search: Search, fits: Sequence[FittedDriver], dt: float) -> tup
         for alone in fits:
             here = alone.rows
             held = solve(
-                search.data, alone.model, search.solved.q, alone.noise, here, turns=1,
+                search.data, alone.model, search.solved.q, alone.noise, here, joint=False,
                 free=tuple(k for k in alone.fitted.free if k not in group),
             )  # fmt: skip
             spread = inflation(alone.fitted, [k for k in group if k in alone.fitted.free], dt)

@@ -14,7 +14,7 @@ from canid.models.diagnosis.fitting.likelihood import whitened
 from canid.models.diagnosis.fitting.model import place
 from canid.models.diagnosis.fitting.score_test import independent, score_test
 from canid.models.diagnosis.fitting.search import Named
-from canid.models.diagnosis.fitting.uncertainty import needed
+from canid.models.diagnosis.fitting.uncertainty import needed, of_effect
 from canid.models.diagnosis.vehicle import vehicle_data, vehicle_search
 from canid.models.diagnosis.vehicle.vehicle_data import VehicleData
 from canid.models.diagnosis.vehicle.vehicle_model import DRAG, LAG, ROLLING, STRENGTH, accel, with_effects
@@ -146,19 +146,10 @@ def _unusual(named: Named, search: VehicleSearch, data: VehicleData) -> bool:
 
 
 def _finding(named: Named, search: VehicleSearch, data: VehicleData, *, passed: bool) -> Finding:
-    effect, model, q = named.effect, search.solved.model, search.solved.q
-    where = place(model, effect.id)
-    sd = vehicle_search.standard_errors(search.solved, data.output.dt)
-    estimates, says = {}, effect.says
-    for parameter, k in zip(effect.parameters, range(where.start, where.stop), strict=True):
-        value, wide = float(q[k]), SIGMAS * float(sd[k])
-        estimates[parameter.name] = Interval(
-            value, max(value - wide, parameter.low), min(value + wide, parameter.high)
-        )
-        iv = estimates[parameter.name]
-        says = says.replace(
-            "{" + parameter.name + "}", f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]"
-        )
+    effect = named.effect
+    estimates, says = of_effect(data, search.solved, effect), effect.says
+    for name, iv in estimates.items():
+        says = says.replace("{" + name + "}", f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]")
     return Finding(
         effect=effect.id, where=effect.where, rivals=named.rivals, surrogate=not passed, parameters=estimates,
         units={p.name: p.unit for p in effect.parameters}, gain=_gain(named, search, data), says=says,
@@ -175,7 +166,7 @@ def _gain(named: Named, search: VehicleSearch, data: VehicleData) -> Interval:
     for k in range(FOLDS):
         rows = solved.rows & (fold != k)
         for row, model, begin in zip(errors, (other, solved.model), (q, solved.q), strict=True):
-            left = data.output.y - solve(data, model, begin, solved.noise, rows, turns=1).fitted.model
+            left = data.output.y - solve(data, model, begin, solved.noise, rows, joint=False).fitted.model
             row[fold == k] = (left**2)[fold == k]
     return gain(errors[0], errors[1], data.output.usable, dt)
 

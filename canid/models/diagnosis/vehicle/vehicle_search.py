@@ -53,8 +53,6 @@ def standard_errors(solved: FittedVehicle, dt: float) -> Array:
 # of what the cause explains: no car follows a formula exactly, and a cause with an approximate form must not lose its
 # name to a neighbour
 RIVAL_MARGIN_SHARE = 0.25
-# of each fit of a candidate
-CANDIDATE_FIT_TURNS = 2
 
 VehicleCandidate = Candidate[VehicleModel]
 
@@ -100,7 +98,7 @@ def candidates(
             guessed = screened(effect, data, without, guesses)
             guesses = [guess.q for guess in guessed if guess.explains >= MIN_EXPLAINED]
         if guesses:
-            best = best_fit(effect, data, without, guesses, CANDIDATE_FIT_TURNS)
+            best = best_fit(effect, data, without, guesses)
             out.append(price(effect, best, without, data.output.dt))
     return out
 
@@ -151,7 +149,7 @@ def search_vehicle(data: VehicleData, effects: tuple[Effect, ...], baseline: Fit
         return option.found.solved, True
 
     solved, steps = forward_selection(baseline, propose, accept)
-    kept = needed_still(data, _own_lag(data, solved, m), m, least=0)
+    kept = needed_still(data, _own_lag(data, solved, m), m)
     solved, have = kept.solved, {effect.id for effect in kept.solved.model.effects}
     named = []
     for effect in solved.model.effects:
