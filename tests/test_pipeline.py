@@ -45,6 +45,17 @@ def same(a: list, b: list) -> bool:
     return len(a) == len(b) and all(exact(x) == exact(y) for x, y in zip(a, b, strict=True))
 
 
+@pytest.mark.parametrize("dt", [0.0, -0.1, 1e-9, 5.0, float("nan"), float("inf"), "0.1", None])
+def test_a_step_that_is_none_is_refused_before_the_log_is_read(dt: object) -> None:
+    """Of the pipeline itself, and of a log that is read with it: the value, and what to give."""
+    for call in (
+        lambda: pipeline.build(read_vehicle("generic"), dt=dt),
+        lambda: drive_reader.read_drive(LOG, "generic", dt=dt, estimating=False),
+    ):
+        with pytest.raises(ValueError, match=r"^dt=.* is no step of the grid in s; give one of 0\.001 to 1"):
+            call()
+
+
 @pytest.mark.slow("whole drives through the pipeline")
 def test_the_stream_may_be_cut_anywhere() -> None:
     """Pickle the state in the middle, go on: the same numbers to the last bit."""

@@ -16,9 +16,11 @@ from canid.values.types import Columns, Flag, Frame
 # of data each are 1 MB
 CHUNK_FRAMES = 16_384
 CLASSIC_BYTES, FD_BYTES = 8, 64
+MAX_STANDARD_ID, MAX_EXTENDED_ID = 0x7FF, 0x1FFFFFFF
+# bytes that each DLC code announces (ISO 11898-1)
+DLC_BYTES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 Octets = npt.NDArray[np.uint8]
 _REMOTE = int(Flag.REMOTE)
-_ID_MASK = 0x1FFFFFFF
 # mask of an 11-bit id; more ids than eight are matched by these bits alone, which costs as much as eight comparisons
 _LOW_BITS, _MAX_COMPARISONS = (1 << 11) - 1, 8
 
@@ -110,7 +112,7 @@ class WantedIds:
         """
         if len(self._ids) > _MAX_COMPARISONS:
             return np.flatnonzero(self._low[ids & _LOW_BITS])
-        plain = ids & np.uint32(_ID_MASK)
+        plain = ids & np.uint32(MAX_EXTENDED_ID)
         wanted = np.zeros(len(plain), bool)
         for id_ in self._ids:
             wanted |= plain == id_

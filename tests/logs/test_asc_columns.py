@@ -18,8 +18,8 @@ from canid.io.buses import python_can
 from canid.io.logs import open_log, write_log
 from canid.io.logs import text_lines as lines_module
 from canid.io.logs.asc import asc_decimal_words, asc_fixed_columns
-from canid.io.logs.blf.blf_layout import DLC_BYTES
 from canid.io.logs.line_columns import none_found
+from canid.values.frame_columns import DLC_BYTES
 from canid.values.types import Damage, Flag, Frame
 from tests.logs.drawn_logs import START, drive, read, read_damaged
 from tests.logs.samples import write_with_python_can

@@ -87,8 +87,7 @@ def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References)
     raw = decoded[1]
     if not np.isfinite(raw).any():
         return None
-    judge = _JUDGES.get(candidate.role, _any)
-    points, remarks, made = judge(candidate._replace(bus=bus), raw, known)
+    points, remarks, made = _judged(candidate._replace(bus=bus), raw, known)
     values = in_role_unit(made, raw)
     finite = values[np.isfinite(values)]
     most = _LARGEST.get(candidate.role)
@@ -101,16 +100,19 @@ def seen(candidate: Candidate, bus: int, columns: LogColumns, known: References)
     return Seen(made, points, tuple(remarks), values, low, high, rate if rate == rate else 0.0)
 
 
-def _any(candidate: Candidate, raw: Array, known: References) -> Judged:
+def _judged(candidate: Candidate, raw: Array, known: References) -> Judged:
+    """How well the readings are those of the role."""
+    role = candidate.role
+    if role in _SWITCHES:
+        return _SWITCHES[role](candidate, raw, known)
     if not moves(raw):
-        still = ROLES[candidate.role].kind == "number"
-        return (STILL if still else 0.0), ["constant in the log"], candidate
-    return AGREES_WEAKLY, [], candidate
+        points = 2 * STILL if role == "speed" else STILL if ROLES[role].kind == "number" else 0.0
+        return points, ["constant in the log"], candidate
+    judge = _JUDGES.get(role)
+    return (AGREES_WEAKLY, [], candidate) if judge is None else judge(candidate, raw, known)
 
 
 def _speed(candidate: Candidate, raw: Array, known: References) -> Judged:
-    if not moves(raw):
-        return 2 * STILL, ["constant in the log"], candidate
     if known.wheels is None:
         return AGREES_WEAKLY, [], candidate
     if known.wheels_are == candidate.where:
@@ -153,14 +155,12 @@ def _speed(candidate: Candidate, raw: Array, known: References) -> Judged:
 
 
 def _accel(candidate: Candidate, raw: Array, known: References) -> Judged:
-    if not moves(raw):
-        return STILL, ["constant in the log"], candidate
     if known.accel is None:
         return 0.0, [], candidate
     r, _, _ = correlation(known.accel, smooth(raw))
     if not math.isfinite(r):
         return 0.0, [], candidate
-    if candidate.role == "accel" and r <= -0.6:
+    if r <= -0.6:
         return (
             AGREES,
             [f"falls when the speed grows (r = {r:.2f})"],
@@ -176,8 +176,6 @@ def _accel(candidate: Candidate, raw: Array, known: References) -> Judged:
 
 
 def _pedal(candidate: Candidate, raw: Array, known: References) -> Judged:
-    if not moves(raw):
-        return STILL, ["constant in the log"], candidate
     remarks, points = [], 0.0
     if known.accel is not None:
         best = 0.0
@@ -211,13 +209,7 @@ def _by_bits(candidate: Candidate, highest: float) -> Candidate:
     return candidate._replace(unit="%", scale=float(f"{100.0 / top:.4g}"), remarks=(says,))
 
 
-def _gap(candidate: Candidate, raw: Array, known: References) -> Judged:
-    return (AGREES_WEAKLY, [], candidate) if moves(raw) else (STILL, ["constant in the log"], candidate)
-
-
 def _range_rate(candidate: Candidate, raw: Array, known: References) -> Judged:
-    if not moves(raw):
-        return STILL, ["constant in the log"], candidate
     if known.gap_rate is None:
         return 0.0, [], candidate
     near = np.where(np.abs(known.gap_rate) < MAX_GAP_RATE, known.gap_rate, np.nan)
@@ -245,8 +237,6 @@ def _range_rate(candidate: Candidate, raw: Array, known: References) -> Judged:
 
 
 def _yaw(candidate: Candidate, raw: Array, known: References) -> Judged:
-    if not moves(raw):
-        return STILL, ["constant in the log"], candidate
     if known.steering is None or known.speed is None:
         return AGREES_WEAKLY, [], candidate
     r, _, _ = correlation(raw, known.steering * known.speed)
@@ -256,15 +246,18 @@ def _yaw(candidate: Candidate, raw: Array, known: References) -> Judged:
     return points, [f"r = {r:.2f} with speed times steering angle"], candidate
 
 
-_JUDGES: Mapping[str, Callable[[Candidate, Array, References], Judged]] = {
-    "speed": _speed,
-    "accel": _accel,
-    "pedal": _pedal,
-    "gap": _gap,
-    "range_rate": _range_rate,
+_Judge = Callable[[Candidate, Array, References], Judged]
+_SWITCHES: Mapping[str, _Judge] = {
     "brake": brake,
     "cruise_active": cruise,
     "steering_assist": steering_assist,
     "lead_valid": lead_valid,
+}
+# of signals that move
+_JUDGES: Mapping[str, _Judge] = {
+    "speed": _speed,
+    "accel": _accel,
+    "pedal": _pedal,
+    "range_rate": _range_rate,
     "yaw_rate": _yaw,
 }

@@ -115,7 +115,7 @@ def candidate(role: str, file: int, message: Message, signal: Signal) -> Candida
     if not patterns.narrowest <= signal.length <= patterns.widest or signal.is_multiplexer:
         return None
     name = words(signal.name)
-    message_words = _message_words(message.name)
+    message_words = words(message.name)
     points, unexplained = name_points(role, name)
     if points <= 0.0 or not carried(signal) or condition_of(message, signal) is None:
         return None
@@ -138,11 +138,6 @@ def _made(
     if ROLES[role].kind == "state":
         return Candidate(role, file, message, signal, points, score, "")
     return _number(role, file, message, signal, points, score)
-
-
-@cache
-def _message_words(name: str) -> str:
-    return words(name)
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 from canid.signals.vehicle.units import unit_of
 
@@ -31,6 +32,7 @@ _SPELLINGS = tuple((re.compile(pattern), unit) for pattern, unit in _UNIT_SPELLI
 EITHER_SPEED = "km/h or mph"
 
 
+@cache
 def words(name: str) -> str:
     """Split the name of a signal into words.
 

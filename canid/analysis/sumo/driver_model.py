@@ -21,6 +21,7 @@ from canid.models.diagnosis.rivals.recommendation import MARGIN
 from canid.models.diagnosis.rivals.rival_model import RivalModel
 from canid.models.diagnosis.rivals.rival_simulation import Leads, leads, simulate
 from canid.values.findings import ClosedLoopError, nrmse
+from canid.values.text import json_values
 from canid.values.types import NAN, Array, Interval, Trace
 
 # grows when a name of the JSON goes or changes its meaning
@@ -202,35 +203,28 @@ def to_json(model: DriverModel | NoModel) -> dict[str, Any]:
     """
     if isinstance(model, NoModel):
         return {"version": VERSION, "status": NOT_ENOUGH_DATA, "reason": model.reason}
-    return {
-        "version": VERSION,
-        "status": OK,
-        "model": model.model,
-        "why": model.why,
-        "seconds": model.seconds,
-        "top_speed": model.top_speed,
-        "quantiles": {name: list(x) for name, x in model.quantiles.items()},
-        "candidates": [
-            {
-                "model": candidate.model,
-                "source": candidate.source,
-                "parameters": {
-                    name: {**_interval(x), "unit": candidate.units[name]}
-                    for name, x in candidate.parameters.items()
-                },
-                "x": list(candidate.x),
-                "covariance": [[_number(c) for c in row] for row in candidate.covariance],
-                "nrmse": {"gap": _number(candidate.error.gap), "speed": _number(candidate.error.speed)},
-                "collides": candidate.collides,
-                "noise": {
-                    "sd": _interval(candidate.noise.sd),
-                    "time": _interval(candidate.noise.time),
-                    "sensitivity": _number(candidate.noise.sensitivity),
-                },
-            }
-            for candidate in model.candidates
-        ],
-    }
+    candidates = [
+        {
+            "model": candidate.model,
+            "source": candidate.source,
+            "parameters": {
+                name: {**x._asdict(), "unit": candidate.units[name]}
+                for name, x in candidate.parameters.items()
+            },
+            "x": candidate.x,
+            "covariance": candidate.covariance,
+            "nrmse": candidate.error._asdict(),
+            "collides": candidate.collides,
+            "noise": candidate.noise,
+        }
+        for candidate in model.candidates
+    ]
+    whole = model._asdict()
+    del whole["candidates"]
+    made: dict[str, Any] = json_values.plain(
+        {"version": VERSION, "status": OK, **whole, "candidates": candidates}
+    )
+    return made
 
 
 def from_json(made: Mapping[str, Any]) -> DriverModel | NoModel:
@@ -271,14 +265,6 @@ def _read(made: Mapping[str, Any]) -> Candidate:
         bool(made["collides"]),
         DriverNoise(_as_interval(noise["sd"]), _as_interval(noise["time"]), _as_number(noise["sensitivity"])),
     )
-
-
-def _number(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None
-
-
-def _interval(x: Interval) -> dict[str, float | None]:
-    return {"value": _number(x.value), "low": _number(x.low), "high": _number(x.high)}
 
 
 def _as_number(x: Any) -> float:

@@ -11,13 +11,12 @@ import numpy.typing as npt
 
 from canid.io.buses.receivers.received_columns import ReceivedColumns
 from canid.io.buses.receivers.received_frame import Received
+from canid.values.frame_columns import DLC_BYTES, MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.types import Flag
 
-MAX_STANDARD_ID = (1 << 11) - 1
-MAX_EXTENDED_ID = (1 << 29) - 1
 CLASSIC_LENGTHS = frozenset(range(9))
 # the data lengths that the 4-bit DLC of CAN FD can state
-FD_LENGTHS = frozenset((*range(9), 12, 16, 20, 24, 32, 48, 64))
+FD_LENGTHS = frozenset(DLC_BYTES)
 # ns since 1970: October 2096. Every log format holds times up to here, and canid's readers take times up to 2^62 ns.
 MAX_STAMP_NS = 4_000_000_000 * 10**9
 

@@ -6,9 +6,10 @@ import operator
 from typing import Any
 
 from canid.io.buses import python_can
-from canid.io.buses.frame_check import MAX_EXTENDED_ID, ImpossibleFrameError
+from canid.io.buses.frame_check import ImpossibleFrameError
 from canid.io.buses.receivers.received_frame import Received
 from canid.values import timestamps
+from canid.values.frame_columns import MAX_EXTENDED_ID
 from canid.values.types import Flag, Frame
 
 # plain ints: `|` of two Flags takes ten times as long

@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.io.logs.line_columns import Bytes, LineColumns, none_found, widened
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Block
+from canid.io.logs.text_lines import MAX_TIME_NS, Block
 from canid.values import timestamps
+from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.types import Flag
 
 Rows = npt.NDArray[np.int64]
@@ -137,7 +138,7 @@ def _read(fields: _Fields, bus: int, lines: Bytes, rows: Rows, out: LineColumns)
     seconds = _number(codes, *fields.seconds, 10)
     id_ = _number(codes, a, b, 16)
     extended = b - a > 3
-    right &= (seconds <= _MAX_SECONDS) & (id_ <= (MAX_EXTENDED_ID if extended else 0x7FF))
+    right &= (seconds <= _MAX_SECONDS) & (id_ <= (MAX_EXTENDED_ID if extended else MAX_STANDARD_ID))
     if not right.all():
         codes, rows, seconds, id_ = codes[right], rows[right], seconds[right], id_[right]
     begin, end = fields.fraction

@@ -15,23 +15,13 @@ from canid.io.logs import candump_columns
 from canid.io.logs.candump_columns import BRS_BIT, ESI_BIT
 from canid.io.logs.frame_lines import Row, bus_of, read
 from canid.io.logs.reader_state import ReadState
-from canid.io.logs.text_lines import (
-    MAX_EXTENDED_ID,
-    MAX_TIME_NS,
-    Bad,
-    Line,
-    LineCount,
-    blocks,
-    hex_bytes,
-    remote_length,
-)
+from canid.io.logs.text_lines import MAX_TIME_NS, Bad, Line, LineCount, blocks, hex_bytes, remote_length
 from canid.values import timestamps
 from canid.values.bus_names import MAX_BUSES, bus_numbers
-from canid.values.frame_columns import WantedIds
+from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID, WantedIds
 from canid.values.types import Columns, Flag
 
 ERROR_BIT = 0x2000_0000  # of an eight-digit id, as in linux/can.h
-_MAX_STANDARD_ID = 0x7FF
 # the name of an interface in a line that begins like a frame (Linux allows 15 characters)
 _INTERFACE = re.compile(rb"\(\d{1,20}\.\d{1,9}\)[ \t]+([!-~]{1,255})[ \t]+[0-9A-Fa-f]{3,8}#")
 _FEW = 16  # names up to which counting is faster
@@ -108,7 +98,7 @@ def _parse(text: str, line: Line) -> tuple[int, str, int, bytes, int, int]:
         raise Bad("its time is damaged")
     id_ = int(name, 16)
     flags = int(Flag.TX) if direction in ("T", "t") else 0
-    if id_ > (_MAX_STANDARD_ID if len(name) == 3 else MAX_EXTENDED_ID | ERROR_BIT):
+    if id_ > (MAX_STANDARD_ID if len(name) == 3 else MAX_EXTENDED_ID | ERROR_BIT):
         raise Bad(f"{name!r} is too large for an id")
     if id_ & ERROR_BIT:
         flags |= Flag.ERROR

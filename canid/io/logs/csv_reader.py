@@ -13,9 +13,9 @@ from pathlib import Path
 
 from canid.io.logs.frame_lines import Row, read
 from canid.io.logs.reader_state import ReadState
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS, Bad, Line, remote_length
+from canid.io.logs.text_lines import MAX_TIME_NS, Bad, Line, remote_length
 from canid.values import timestamps
-from canid.values.frame_columns import WantedIds
+from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID, WantedIds
 from canid.values.types import Columns, Flag
 
 _COLUMN_NAMES = "timestamp,arbitration_id,extended,remote,error,dlc,data"
@@ -58,7 +58,7 @@ def _parse(text: str) -> tuple[int, int, bytes, int, int]:
     announced, number, ns = int(dlc), int(id_, 16), timestamps.from_float(float(stamp))
     if not 0 <= ns <= MAX_TIME_NS:
         raise Bad("its time is damaged")
-    if number > (MAX_EXTENDED_ID if flags & (Flag.EXTENDED | Flag.ERROR) else 0x7FF):
+    if number > (MAX_EXTENDED_ID if flags & (Flag.EXTENDED | Flag.ERROR) else MAX_STANDARD_ID):
         raise Bad(f"{id_[:32]!r} is too large for an id")
     if flags & Flag.REMOTE:
         if data:

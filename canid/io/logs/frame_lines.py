@@ -12,7 +12,6 @@ import numpy.typing as npt
 from canid.io.logs.line_columns import LineColumns, merged, none_found
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import (
-    MAX_EXTENDED_ID,
     MAX_TIME_NS,
     PROGRESS_LINES,
     Bad,
@@ -25,14 +24,13 @@ from canid.io.logs.text_lines import (
 )
 from canid.values import timestamps
 from canid.values.bus_names import MAX_BUSES, with_more
-from canid.values.frame_columns import WantedIds, join, keep_memory, select
+from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID, WantedIds, join, keep_memory, select
 from canid.values.types import Columns, Flag
 
 _FLOOR_NS = timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S
 # Frames of time 0 that wait for the first one with a time of its own: an adapter that does not stamp what it sends has a
 # few of them. More: the log counts from 0.
 MAX_WAITING = 4096
-_MAX_STANDARD_ID = 0x7FF
 # characters of an interface's name
 _MAX_NAME = 255
 
@@ -195,8 +193,8 @@ def checked_id(id_: int, *, extended: bool | None = None) -> tuple[int, int]:
     >>> checked_id(0x800), checked_id(0x7FF)
     ((2048, <Flag.EXTENDED: 1>), (2047, 0))
     """
-    wide = id_ > _MAX_STANDARD_ID if extended is None else extended
-    if not 0 <= id_ <= (MAX_EXTENDED_ID if wide else _MAX_STANDARD_ID):
+    wide = id_ > MAX_STANDARD_ID if extended is None else extended
+    if not 0 <= id_ <= (MAX_EXTENDED_ID if wide else MAX_STANDARD_ID):
         raise Bad(f"{id_:#x} is too large for an id")
     return id_, Flag.EXTENDED if wide else 0
 

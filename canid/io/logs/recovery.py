@@ -16,10 +16,9 @@ from canid.io.logs.log_writer import WRITTEN_SUFFIXES, check_suffix, open_writer
 from canid.io.logs.reader_state import Note
 from canid.io.logs.writer import Writer
 from canid.values.errors import DamagedLogError, OutputError
-from canid.values.frame_columns import rows
+from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, MAX_STANDARD_ID, rows
 from canid.values.types import Columns, Damage, Flag
 
-_CLASSIC_BYTES, _FD_BYTES, _MAX_STANDARD_ID = 8, 64, 0x7FF
 _FD, _ERROR, _EXTENDED, _REMOTE = int(Flag.FD), int(Flag.ERROR), int(Flag.EXTENDED), int(Flag.REMOTE)
 
 # epoch ns, the year 2116: a later start is damage, and no format could hold the times that count from it
@@ -159,10 +158,10 @@ def writable(chunk: Columns) -> Columns:
     """
     flags, length, data = chunk.flags.copy(), chunk.length, chunk.data
     error, has_data = (flags & _ERROR) != 0, (flags & _REMOTE) == 0
-    flags[~error & (chunk.id > _MAX_STANDARD_ID)] |= _EXTENDED
-    shortened = np.where(error & has_data, np.minimum(length, _CLASSIC_BYTES), length)
-    flags[has_data & (shortened > _CLASSIC_BYTES)] |= _FD
-    shortened = np.where(has_data, np.minimum(shortened, _FD_BYTES), shortened)
+    flags[~error & (chunk.id > MAX_STANDARD_ID)] |= _EXTENDED
+    shortened = np.where(error & has_data, np.minimum(length, CLASSIC_BYTES), length)
+    flags[has_data & (shortened > CLASSIC_BYTES)] |= _FD
+    shortened = np.where(has_data, np.minimum(shortened, FD_BYTES), shortened)
     if (shortened != length).any():
         data = np.where(np.arange(data.shape[1]) < np.where(has_data, shortened, 0)[:, None], data, 0)
     return chunk._replace(flags=flags, length=shortened, data=data)

@@ -288,7 +288,6 @@ def hex_bytes(text: str, length: int) -> bytes:
     return data
 
 
-MAX_EXTENDED_ID = 0x1FFFFFFF
 # ns; 146 years, since 1970 or since the log's start: a longer time is damage, and sums of two still fit 64 bits
 MAX_TIME_NS = 1 << 62
 

@@ -34,6 +34,8 @@ from canid.values.types import (
 
 # s; 10 Hz, the rate of Chen & Ulsoy 2001 and well above what a person's answer holds (below 1 Hz)
 DT = 0.1
+# s; a millisecond is shorter than the time between two frames of any id, a second longer than an answer of a driver
+STEPS_S = (1e-3, 1.0)
 Output = Sample | Estimate | MonitorReport | SignalReport | Event
 
 
@@ -95,12 +97,17 @@ def build(vehicle: Vehicle, *, estimating: bool = True, dt: float = DT) -> Pipel
         vehicle: from `read_vehicle`.
         estimating: False leaves the estimators and the monitor out: only samples, reports on the signals and events
             come.
-        dt: step of the grid, s.
+        dt: step of the grid, s, of 0.001 to 1.
 
     Returns:
         `init() -> state`, `step(state, chunk) -> (state, outputs)` and `resume(state, known) -> state`. However the
         frames are divided into chunks, the outputs are the same to the last bit.
+
+    Raises:
+        ValueError: `dt` is none of these steps.
     """
+    if not (isinstance(dt, float | int) and STEPS_S[0] <= dt <= STEPS_S[1]):
+        raise ValueError(f"dt={dt!r} is no step of the grid in s; give one of 0.001 to 1, such as 0.1")
     names = TASK_INPUTS[vehicle.driver.task]
     parts = _Parts(
         sampler.sampler(vehicle, dt),

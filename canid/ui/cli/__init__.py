@@ -15,7 +15,7 @@ from canid.ui.cli.interrupt import Ended, ending
 from canid.ui.cli.room import check_modules
 from canid.ui.cli.verbs import VERBS
 from canid.ui.terminal import streams
-from canid.ui.terminal.messages import info, print_line
+from canid.ui.terminal.messages import info, print_line, print_text
 from canid.values.errors import DONE, NOT_WRITTEN, USAGE, CanidError, ConfigError, one_line, out_of_memory
 from canid.values.processes.one_thread import use_one_thread
 
@@ -93,8 +93,7 @@ def _run_caught(args: list[str]) -> tuple[int, bool]:
 
 def _run(args: list[str]) -> int:
     if not args or args[0] in ("-h", "--help", "help"):
-        for line in usage().splitlines():
-            print_line(line)
+        print_text(usage())
         return DONE if args else USAGE
     if args[0] in ("-V", "--version"):
         print_line(f"canid {__version__}")

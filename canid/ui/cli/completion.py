@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 
-from canid.ui.terminal.messages import print_line
+from canid.ui.terminal.messages import print_text
 from canid.values.errors import DONE, ConfigError
 
 OPTION = "--print-completion"
@@ -78,8 +78,7 @@ def run(words: list[str]) -> int:
     """Print the script for `--print-completion SHELL`."""
     if len(words) != 1:
         raise ConfigError(f"{OPTION}: name one shell of {', '.join(SHELLS)}")
-    for line in script(words[0]).splitlines():
-        print_line(line)
+    print_text(script(words[0]))
     return DONE
 
 

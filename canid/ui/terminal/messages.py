@@ -22,6 +22,12 @@ def print_line(text: str) -> None:
     _write_line(sys.stdout, text)
 
 
+def print_text(text: str) -> None:
+    """Write a text of several lines to standard output."""
+    for line in text.splitlines():
+        print_line(line)
+
+
 def line_printer(json: str | None) -> Callable[[str], None]:
     """Where lines of a result go: to standard output, or to standard error where JSON takes standard output."""
     return info if json == "-" else print_line

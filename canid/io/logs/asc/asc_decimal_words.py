@@ -12,15 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.io.logs.line_columns import LineColumns, none_found
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, Block
-from canid.values.frame_columns import CLASSIC_BYTES
+from canid.io.logs.text_lines import Block
+from canid.values.frame_columns import CLASSIC_BYTES, MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.types import Flag
 
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
 _TX, _EXTENDED = int(Flag.TX), int(Flag.EXTENDED)
-_MAX_STANDARD_ID = 0x7FF
 # classes of bytes: what separates words, digits, and bytes that only the definition takes
 _BLANK, _DIGIT, _PRINTED, _ALIEN = range(4)
 _CLASSES = np.full(256, _ALIEN, np.uint8)
@@ -98,7 +97,7 @@ def _frames(words: _Words, rows: Ints, at: Ints, sent: Bools, length: Ints, out:
     good = timed & (words.others[id_end] == words.others[id_begin])
     good &= (id_end > id_begin) & (id_end - id_begin <= _MAX_DIGITS)
     id_ = _number(words, id_begin, id_end, _MAX_DIGITS)
-    good &= id_ <= np.where(extended, MAX_EXTENDED_ID, _MAX_STANDARD_ID)
+    good &= id_ <= np.where(extended, MAX_EXTENDED_ID, MAX_STANDARD_ID)
     data = np.zeros((len(rows), CLASSIC_BYTES), np.int64)
     for k in range(int(length.max(initial=0))):
         there = np.flatnonzero(length > k)

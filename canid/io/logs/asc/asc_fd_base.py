@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.io.logs.reader_state import ReadState
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, Block, LineCount, blocks_and_long_lines, line
+from canid.io.logs.text_lines import Block, LineCount, blocks_and_long_lines, line
+from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
 
 # lines that say it, of which most decide: a few damaged ones among them do not matter
 _ENOUGH_LINES = 64
 # of one log; it has to be read ahead where its first CAN FD line says nothing
 _MAX_READ_AHEAD_BYTES = 16 * 1024 * 1024
-_MAX_STANDARD_ID = 0x7FF
 HEXADECIMAL = "base dec, but CAN FD lines are hexadecimal, as Vector writes them: they are read so"
 DECIMAL = "base dec, and CAN FD lines are decimal too, as their bytes show: they are read so"
 
@@ -98,5 +98,5 @@ def evidence(words: list[str]) -> int:
         return 0
     if not (number.isdecimal() and dlc.isdecimal()):
         return 1
-    most = MAX_EXTENDED_ID if id_.endswith("x") else _MAX_STANDARD_ID
+    most = MAX_EXTENDED_ID if id_.endswith("x") else MAX_STANDARD_ID
     return -1 if int(number, 16) > most else 0

@@ -16,7 +16,7 @@ from canid.io.logs.asc.asc_line import FD_TAIL_WORDS
 from canid.io.logs.blf.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
 from canid.io.logs.line_columns import Bytes, LineColumns, none_found, widened
 from canid.io.logs.text_lines import Block
-from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES
+from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.types import Flag
 
 Rows = npt.NDArray[np.int64]
@@ -251,7 +251,7 @@ def _read(shape: _Shape, codes: Bytes, rows: Rows, out: LineColumns) -> LineColu
         if not right.all():
             codes, rows = codes[right], rows[right]
     id_ = _number(codes, *shape.id, 16).astype(np.uint32)
-    small = id_ <= (0x1FFFFFFF if shape.extended else 0x7FF)
+    small = id_ <= (MAX_EXTENDED_ID if shape.extended else MAX_STANDARD_ID)
     flags = np.full(len(rows), _TX * shape.sent | _EXTENDED * shape.extended, np.uint8)
     if shape.kind < 0:
         kinds, plain = _fd_flags(shape, codes)

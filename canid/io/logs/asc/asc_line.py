@@ -12,8 +12,9 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from canid.io.logs.blf.blf_layout import DLC_BYTES, FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, Bad, Line
+from canid.io.logs.blf.blf_layout import FD64_BRS, FD64_EDL, FD64_ESI, FD64_REMOTE
+from canid.io.logs.text_lines import Bad, Line
+from canid.values.frame_columns import DLC_BYTES, MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.types import Flag
 
 _ID_WORD = re.compile(r"([0-9a-fA-F]{1,9})(x?)")
@@ -244,7 +245,7 @@ def _id(word: str, base: int) -> tuple[int, int]:
         raise Bad(f"{word[:32]!r} is no id (symbolic names are not supported)")
     flags = int(Flag.EXTENDED) if match[2] else 0
     id_ = int(match[1], base)
-    if id_ > (0x1FFFFFFF if flags else 0x7FF):
+    if id_ > (MAX_EXTENDED_ID if flags else MAX_STANDARD_ID):
         raise Bad(f"{word[:32]!r} is too large for an id")
     return id_, flags
 

@@ -16,11 +16,10 @@ from canid.io.logs.blf.blf_dtypes import BODY, LAYOUTS, VERSIONS
 from canid.io.logs.blf.blf_layout import Data
 from canid.io.logs.blf.blf_object_chain import Broken, Chain, Ints
 from canid.io.logs.text_lines import MAX_TIME_NS
-from canid.values.frame_columns import FD_BYTES, WantedIds
+from canid.values.frame_columns import FD_BYTES, MAX_STANDARD_ID, WantedIds
 
 # ns: longer times are damage, and differences of shorter ones fit 64 bits
 _MAX_NS = MAX_TIME_NS - 1
-_MAX_STANDARD_ID = 0x7FF
 # an id's word: its highest bit says that it is extended, the next two have no meaning
 _UNUSED_BITS = np.uint32(0x60000000)
 _BEYOND_EXTENDED = np.uint32(blf.ID_EXTENDED + blf.ID_MASK + 1)
@@ -112,7 +111,7 @@ def sound(groups: list[Group], *, checked: bool) -> tuple[list[Group], int]:
         if group.kind in blf.ERRORS:
             bad |= (word & _UNUSED_BITS) != 0
         else:
-            large = word - np.uint32(_MAX_STANDARD_ID + 1) < np.uint32(blf.ID_EXTENDED - _MAX_STANDARD_ID - 1)
+            large = word - np.uint32(MAX_STANDARD_ID + 1) < np.uint32(blf.ID_EXTENDED - MAX_STANDARD_ID - 1)
             if large.any():
                 meant = _unmarked(word, checked=checked)
                 group = _marked(group, meant)
@@ -138,7 +137,7 @@ def _unmarked(word: npt.NDArray[np.uint32], *, checked: bool) -> npt.NDArray[np.
 
     In data without a checksum an id that no other frame has may be damage, and is none of them.
     """
-    unmarked = word - np.uint32(_MAX_STANDARD_ID + 1) < np.uint32(blf.ID_MASK - _MAX_STANDARD_ID)
+    unmarked = word - np.uint32(MAX_STANDARD_ID + 1) < np.uint32(blf.ID_MASK - MAX_STANDARD_ID)
     if not checked:
         _, inverse, counts = np.unique(word, return_inverse=True, return_counts=True)
         unmarked &= counts[inverse] > 1

@@ -12,6 +12,8 @@ from enum import Enum
 from struct import Struct
 from typing import NamedTuple
 
+from canid.values.frame_columns import DLC_BYTES
+
 # The usual container holds 128 kB; 128 times that is no container but damage or a zip bomb.
 MAX_INFLATED_BYTES = 16 * 1024 * 1024
 # Contents of a container: zlib returns the one, libdeflate the other.
@@ -86,9 +88,6 @@ FD_EDL, FD_BRS, FD_ESI = 1, 2, 4  # FD flags of FD
 FD64_REMOTE, FD64_EDL, FD64_BRS, FD64_ESI = 0x10, 0x1000, 0x2000, 0x4000
 # A transmit request is no frame on the bus: by the direction, or by a flag of FD64.
 DIRECTION_MASK, REQUEST, FD64_REQUEST = 0x0F, 2, 0x80
-
-# bytes that each DLC code announces (ISO 11898-1)
-DLC_BYTES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
 
 def is_plausible(kind: int, size: int) -> bool:

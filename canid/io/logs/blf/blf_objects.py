@@ -27,14 +27,14 @@ from canid.io.logs.blf.blf_groups import (
 from canid.io.logs.blf.blf_layout import MAX_INFLATED_BYTES, MAX_PADDING_BYTES, Data
 from canid.io.logs.blf.blf_marker import GLOBAL_MARKER, MarkerEvent, decode
 from canid.io.logs.blf.blf_object_chain import Broken, Chain, Ints, chain, signatures
-from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, WantedIds
+from canid.values.frame_columns import CLASSIC_BYTES, DLC_BYTES, FD_BYTES, WantedIds
 from canid.values.types import Array, Columns, Flag
 
 _EXTENDED, _REMOTE, _ERROR, _TX = (int(f) for f in (Flag.EXTENDED, Flag.REMOTE, Flag.ERROR, Flag.TX))
 _FD, _BRS, _ESI = (int(f) for f in (Flag.FD, Flag.BRS, Flag.ESI))
 # masks of the first n of eight bytes, little-endian
 _BYTE_MASKS = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
-_DLC_BYTES = np.array(blf.DLC_BYTES, dtype=np.uint8)
+_DLC_BYTES = np.array(DLC_BYTES, dtype=np.uint8)
 
 
 class Walked(NamedTuple):

@@ -18,8 +18,15 @@ import numpy.typing as npt
 
 from canid.io.logs.local_time import epoch_ns
 from canid.io.logs.mf4.conversions import ConversionError
-from canid.io.logs.text_lines import MAX_EXTENDED_ID, MAX_TIME_NS
-from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, join_octets
+from canid.io.logs.text_lines import MAX_TIME_NS
+from canid.values.frame_columns import (
+    CLASSIC_BYTES,
+    DLC_BYTES,
+    FD_BYTES,
+    MAX_EXTENDED_ID,
+    MAX_STANDARD_ID,
+    join_octets,
+)
 from canid.values.types import Flag
 
 # by the name of the structure: the flag of its frames
@@ -33,10 +40,9 @@ NO_FRAMES = {
     "MOST_": "MOST events",
     "K_LINE_": "K-Line events",
 }
-MAX_STANDARD_ID = 0x7FF
 _EXTENDED_BIT = 1 << 31
 # bytes of a CAN FD frame by its data length code (ISO 11898-1:2015, table 5)
-_FD_LENGTHS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int64)
+_FD_LENGTHS = np.array(DLC_BYTES, np.int64)
 _MARKS = {"EDL": Flag.FD, "BRS": Flag.BRS, "ESI": Flag.ESI}
 # without which a frame is another one
 _NEEDED = ("BusChannel", "DataLength", "DLC", "IDE")

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from canid.io.logs.pcap.capture_packets import Interface, Octets, Packets, Whole, nanoseconds
 from canid.io.logs.text_lines import MAX_TIME_NS
-from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES
+from canid.values.frame_columns import CLASSIC_BYTES, FD_BYTES, MAX_STANDARD_ID
 from canid.values.types import Columns, Flag
 
 SOCKETCAN, SLL, SLL2 = 227, 113, 276
@@ -24,7 +24,6 @@ _ANY = -1
 _FRAME_HEAD = 8  # id, length, flags, two bytes more
 # of can_id
 _EXTENDED, _REMOTE, _ERROR, _ID = 1 << 31, 1 << 30, 1 << 29, (1 << 29) - 1
-_MAX_STANDARD_ID = 0x7FF
 # of the byte behind the length; and the bit of the length's byte that only CAN XL sets
 _BRS, _ESI, _FDF, _XL = 1, 2, 4, 0x80
 
@@ -101,7 +100,7 @@ def frames(packets: Packets, buses: Mapping[Source, int]) -> Frames:
         ("a packet is shorter than the head of a frame", heads.room < _FRAME_HEAD),
         ("more than 64 data bytes", length > FD_BYTES),
         ("a remote frame of CAN FD", fd & remote),
-        ("an id is too large", ~extended & ~error & (id_ > _MAX_STANDARD_ID)),
+        ("an id is too large", ~extended & ~error & (id_ > MAX_STANDARD_ID)),
         ("a packet was captured without all of its data", ~remote & (heads.room < _FRAME_HEAD + length)),
         ("its time is damaged", (ns < 0) | (ns > MAX_TIME_NS)),
         ("it is of another interface than the first 65,535", bus < 0),

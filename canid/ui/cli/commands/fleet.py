@@ -121,6 +121,7 @@ def run(args: argparse.Namespace) -> int:
     from canid.analysis.fleet.storage import mirror
     from canid.analysis.fleet.storage import store as fleet_store
     from canid.analysis.fleet.storage.lock import LockError
+    from canid.values.text import json_values
 
     _know_the_words(args.logs)
     if args.output is None:
@@ -143,7 +144,7 @@ def run(args: argparse.Namespace) -> int:
         for note in store.notes:
             info(note)
         # at once: what is made of the results of an interrupted run needs to know its vehicle files
-        store.note(command=command(_anywhere(args)), settings=_noted(settings))
+        store.note(command=command(_anywhere(args)), settings=settings._asdict())
         said: list[str] = []
 
         def noted(line: str) -> None:
@@ -172,7 +173,7 @@ def run(args: argparse.Namespace) -> int:
                 raise OutputError(f"{error}; make room, and the same command goes on") from None
         counted = fleet_run.counts(done.logs)
         store.note(
-            command=command(_anywhere(args)), settings=_noted(settings), logs=counted._asdict(), said=said
+            command=command(_anywhere(args)), settings=settings._asdict(), logs=counted._asdict(), said=said
         )
         if page is None:  # the page pools them as well
             _pooled(at.folder, counted)
@@ -183,11 +184,7 @@ def run(args: argparse.Namespace) -> int:
         show(
             f"{_some(len(said), 'note')} on the storage or the cluster: above, and in {args.output}/fleet.json (said)"
         )
-    with complete_files.opened(json) as sink:
-        if sink is not None:
-            from canid.values.text import json_values
-
-            sink.write(json_values.document("fleet", document(args, done, counted)) + "\n")
+    complete_files.write(json, lambda: json_values.document("fleet", document(args, done, counted)) + "\n")
     code = DAMAGED if counted.failed or counted.damaged else DONE
     return code if page is None else _report(args, page.path) or code
 
@@ -422,10 +419,6 @@ def _anywhere(args: argparse.Namespace) -> argparse.Namespace:
 
     of_files = {name: full(getattr(args, name)) for name in ("vehicle", "vehicles", "output")}
     return argparse.Namespace(**{**vars(args), **of_files, "logs": [full(word) for word in args.logs]})
-
-
-def _noted(settings: Settings) -> dict[str, Any]:
-    return dict(settings._asdict())
 
 
 def _report(args: argparse.Namespace, page: str) -> int:

@@ -13,7 +13,7 @@ from canid import __version__
 from canid.ui.cli.options import options
 from canid.ui.cli.output import complete_files, output_kinds, outputs
 from canid.ui.cli.output.outputs import Output
-from canid.ui.terminal.messages import info, print_line
+from canid.ui.terminal.messages import info, print_text
 from canid.values.errors import DONE, ConfigError
 
 if TYPE_CHECKING:
@@ -63,12 +63,9 @@ def run(args: argparse.Namespace) -> int:
         by_driver, reasons = _models(rows(db, DRIVES), args.driver, args.folder)
     drivers: list[PooledDriver] = [pooled(name, drives) for name, drives in by_driver.items()]
     text = additional(drivers, Path(folder).resolve().name, f"canid {__version__}")
+    complete_files.write(file, lambda: text)
     if file is None:
-        for line in text.splitlines():
-            print_line(line)
-    else:
-        with complete_files.opened_file(file) as written:
-            written.write(text)
+        print_text(text)
     for driver in drivers:
         info(said(driver))
     for line in reasons[:MAX_REASONS]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from canid.ui.cli.output import complete_files, output_kinds, outputs
 from canid.ui.cli.output.outputs import Output
-from canid.ui.terminal.messages import info, print_line
+from canid.ui.terminal.messages import info, print_text
 from canid.values.errors import DONE
 
 
@@ -45,11 +45,9 @@ def run(args: argparse.Namespace) -> int:
     outputs.check([file], sorted(Path(folder).glob("*.parquet")))
     prior = fleet_prior(folder, output=args.role, unit=args.unit, car=args.car, leave_out=args.leave_out)
     text = toml_of(prior, datetime.datetime.now(datetime.UTC).date().isoformat())
+    complete_files.write(file, lambda: text)
     if file is None:
-        for line in text.splitlines():
-            print_line(line)
+        print_text(text)
         return DONE
-    with complete_files.opened_file(file) as written:
-        written.write(text)
     info(f"{args.output} written: append it to the vehicle file of {prior.kind.text()}")
     return DONE

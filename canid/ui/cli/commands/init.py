@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from canid.ui.cli.options import options
 from canid.ui.cli.output import complete_files, output_kinds, outputs
 from canid.ui.cli.output.outputs import Output
-from canid.ui.terminal.messages import info, print_line
+from canid.ui.terminal.messages import info, print_text
 from canid.values.errors import DAMAGED, DONE
 
 if TYPE_CHECKING:
@@ -74,12 +74,9 @@ def run(args: argparse.Namespace) -> int:
     finally:
         if bar is not None:
             bar.__exit__()
-    if file is not None:
-        with complete_files.opened_file(file) as written:
-            written.write(made.text)
-    elif args.json != "-":
-        for line in made.text.splitlines():
-            print_line(line)
+    complete_files.write(file, lambda: made.text)
+    if file is None and args.json != "-":
+        print_text(made.text)
     complete_files.write(json, lambda: json_values.document("init", _document(args, made)) + "\n")
     _report(args, made)
     return DAMAGED if log is not None and log.damage else DONE

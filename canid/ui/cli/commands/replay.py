@@ -37,6 +37,10 @@ if TYPE_CHECKING:
     from canid.ui.web.live_page import LivePage
 
 
+# options that say nothing with --onto
+_NOT_ONTO = {"state": "estimates", "web": "shows", "report": "estimates", "diagnose": "diagnoses"}
+
+
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from canid.io.buses.command_line import add_bus_arguments
@@ -78,14 +82,9 @@ def results() -> dict[str, Any]:
 def run(args: argparse.Namespace) -> int:
     """Replay."""
     if args.onto:
-        if args.state is not None:
-            raise ConfigError("replay: --onto sends a log and estimates nothing; leave out --state")
-        if args.web is not None:
-            raise ConfigError("replay: --onto sends a log and shows nothing; leave out --web")
-        if args.report is not None:
-            raise ConfigError("replay: --onto sends a log and estimates nothing; leave out --report")
-        if args.diagnose is not None:
-            raise ConfigError("replay: --onto sends a log and diagnoses nothing; leave out --diagnose")
+        for name, does in _NOT_ONTO.items():
+            if getattr(args, name) is not None:
+                raise ConfigError(f"replay: --onto sends a log and {does} nothing; leave out --{name}")
         if args.publish:
             raise ConfigError("replay: --onto sends frames and estimates nothing; leave out --publish")
         return onto(args)

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from canid.ui.cli.verbs import VERBS
-from canid.ui.terminal.messages import print_line
+from canid.ui.terminal.messages import print_line, print_text
 from canid.values.errors import DONE, ConfigError
 
 # names that are another schema's: the lines of live are those of replay
@@ -27,8 +27,7 @@ def run(args: argparse.Namespace) -> int:
     from canid.values.text.json_values import mark
 
     if args.name is not None:
-        for line in json.dumps(json_schema(args.name), indent=1).splitlines():
-            print_line(line)
+        print_text(json.dumps(json_schema(args.name), indent=1))
         return DONE
     for name in names():
         print_line(f"{name:10}{mark(ALIASES.get(name, name))}")

@@ -90,8 +90,7 @@ def _sumo(args: argparse.Namespace) -> int:
         return CHECK_FAILED
     log = Path(args.log).name
     driver = pooled(Path(args.log).stem, [Drive(log, model)])
-    with complete_files.opened_file(output) as written:
-        written.write(additional([driver], log, f"canid {__version__}"))
+    complete_files.write(output, lambda: additional([driver], log, f"canid {__version__}"))
     info(f"{output.path}: {said(driver)}")
     _list(json, output, 1, list(driver.parameters))
     return reading.report_health(drive.health)
@@ -101,10 +100,8 @@ def _list(json: Output | None, output: Output, rows: int, columns: list[str]) ->
     """Write what was exported as JSON, where that is wanted."""
     from canid.values.text import json_values
 
-    with complete_files.opened(json) as sink:
-        if sink is not None:
-            made = {"path": output.path, "rows": rows, "columns": columns}
-            sink.write(json_values.document("export", [made]) + "\n")
+    made = {"path": output.path, "rows": rows, "columns": columns}
+    complete_files.write(json, lambda: json_values.document("export", [made]) + "\n")
 
 
 def said(driver: PooledDriver) -> str:

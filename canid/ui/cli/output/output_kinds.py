@@ -70,15 +70,18 @@ def is_truth(head: bytes) -> bool:
     return isinstance(first, dict) and "channels" in first
 
 
-def is_page(head: bytes) -> bool:
-    """A page of `canid diagnose --report`."""
-    return _is_page_of(head, "canid diagnosis")
+def _page(verb: str, mark: str) -> Kind:
+    """A page of HTML with a mark."""
+    return Kind(
+        f"a page of canid {verb}",
+        (".html", ".htm"),
+        lambda head: head.lstrip()[:15].lower().startswith(b"<!doctype html") and mark.encode() in head,
+    )
 
 
-def _is_page_of(head: bytes, generator: str) -> bool:
-    """A page whose head names this generator; a title cannot, as the marks of HTML are escaped in it."""
-    mark = f'<meta name="generator" content="{generator}">'.encode()
-    return head.lstrip()[:15].lower().startswith(b"<!doctype html") and mark in head
+def _generator(name: str) -> str:
+    """The mark of what has made a page; a title cannot have it, as the marks of HTML are escaped in it."""
+    return f'<meta name="generator" content="{name}">'
 
 
 def report_page(verb: str) -> Kind:
@@ -89,17 +92,7 @@ def report_page(verb: str) -> Kind:
         >>> report_page("check").recognise(page), report_page("replay").recognise(page)
         (True, False)
     """
-    return Kind(f"a page of canid {verb}", (".html", ".htm"), lambda head: _is_page_of(head, f"canid {verb}"))
-
-
-def is_comparison_page(head: bytes) -> bool:
-    """A page of `canid compare`."""
-    return head.lstrip()[:15].lower().startswith(b"<!doctype html") and b"canid comparison" in head
-
-
-def is_study_page(head: bytes) -> bool:
-    """A page of `canid study`."""
-    return head.lstrip()[:15].lower().startswith(b"<!doctype html") and b"canid study" in head
+    return _page(verb, _generator(f"canid {verb}"))
 
 
 def is_study_figure(head: bytes) -> bool:
@@ -164,11 +157,11 @@ def is_vehicle(head: bytes) -> bool:
 
 JSON = Kind("JSON text", (".json", ".jsonl", ".ndjson"), is_json)
 TRUTH = Kind("the truth of a simulated drive", (".truth.json",), is_truth)
-PAGE = Kind("a page of canid diagnose", (".html", ".htm"), is_page)
-COMPARISON_PAGE = Kind("a page of canid compare", (".html", ".htm"), is_comparison_page)
+PAGE = _page("diagnose", _generator("canid diagnosis"))
+COMPARISON_PAGE = _page("compare", "canid comparison")
 JUNIT = Kind("JUnit XML of canid identify", (".xml",), is_junit)
 PLOT = Kind("a plot of canid identify", (".svg",), is_plot)
-STUDY_PAGE = Kind("a page of canid study", (".html", ".htm"), is_study_page)
+STUDY_PAGE = _page("study", "canid study")
 STUDY_FIGURE = Kind("a figure of canid study", (".svg",), is_study_figure)
 CSV = Kind("a table of canid export", (".csv",), is_samples_or_estimates)
 PARQUET = Kind("a Parquet table", (".parquet",), lambda head: head.startswith(b"PAR1"))
