@@ -25,7 +25,7 @@ RATE = "range_rate"
 KEPT, JUDGED_EVERY, MIN_SECONDS = 600, 10, 120
 # share of the seconds that are the outermost of a side, and of those on either side that are not of the middle, which the
 # line is fitted to
-OUTERMOST_SHARE, MIDDLE_FROM = 0.1, 0.2
+OUTERMOST_SHARE, MIDDLE_FROM = 0.05, 0.2
 # seconds in a cluster, as of the check of delays, and clusters that a variance needs
 CLUSTER, MIN_CLUSTERS = 5, 12
 # stays that the outermost must be in: one of them decides nothing
@@ -75,7 +75,8 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
         now = (block.t, rate / BLOCK_S, (mean - state.gap - rate) / BLOCK_S)
         state = state._replace(begin=begin, seconds=(*state.seconds, now)[-KEPT:], fresh=state.fresh + 1)
         if state.fresh >= JUDGED_EVERY and len(state.seconds) >= MIN_SECONDS:
-            state = state._replace(fresh=0, found=_judged(state))
+            # it stays that of the sensor where the window does not show it any more
+            state = state._replace(fresh=0, found=_judged(state) or state.found)
     return state._replace(gap=mean, rise=rise), state.found
 
 
