@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from canid.signals.samples import reading_spans
 from canid.signals.samples.reading_spans import ReadingSpan
@@ -145,3 +146,20 @@ def test_spans_do_not_depend_on_the_chunks(seed: int) -> None:
     whole = exact(spans(t, value))
     assert exact(spans(t, value, (1, 7, 100, 3))) == whole
     assert exact(spans(t, value, (1,))) == whole
+
+
+@pytest.mark.parametrize("tau", [0.1, 0.17, 0.4])
+@pytest.mark.parametrize("period", [0.3, 0.62, 1.0])
+def test_what_is_held_before_a_lag_is_found(period: float, tau: float, seed: int) -> None:
+    """A radar of 1 to 3 Hz behind a filter of the logger, in decimals of 0.1 mm/s; the filter alone shows nothing."""
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(1220)
+    keep = np.exp(-0.1 / tau)
+    white = lfilter([1.0], [1.0, -0.95], rng.standard_normal(len(t)))
+    held = white[(np.floor(t / period + 1e-6) * period / 0.1).astype(int)]
+    for source, expected in ((held, period), (white, 0.1)):
+        seen = np.round(lfilter([1.0 - keep], [1.0, -keep], source), 4)
+        _, over = reading_spans.step(reading_spans.init(), "range_rate", t, seen, np.arange(len(t)))
+        update = float(np.median([span.update for _, span in over]))
+        assert update == pytest.approx(expected, abs=0.06), [span.kind for _, span in over]
+        assert {span.kind for _, span in over} == ({"hold"} if source is held else {"points"})

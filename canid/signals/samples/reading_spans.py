@@ -24,6 +24,9 @@ JUMP_FACTOR, JUMP_SHARE = 2.5, 0.6
 MIN_CHANGES, MIN_COHERENT_KNOTS, PERIODS, COHERENT = 12, 6, np.linspace(0.97, 1.03, 13), 0.9
 # times the resolution, by which rounding bends a straight line at most
 STRAIGHT = 2.05
+# Lags: times the resolution, by which a change must be larger to show its share of the one before; shares of lags of half an
+# interval to 20; longest over shortest interval
+VISIBLE_STEPS, LAG_SHARES, EVEN = 20.0, (0.13, 0.95), 1.05
 # of every second reading, that must be straight where it is the middle of a line; and at most of the others
 BETWEEN_SHARE, KNOT_SHARE = 0.95, 0.6
 # times that, by which knots bend it
@@ -127,6 +130,8 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     elif (joined := _joined(t, value, resolution)) > 0.0:
         # too few jumps to be called held: the lines are level
         kind, update = ("line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"), joined
+    elif (lagged := _lagged(t, value, resolution)) > 0.0:
+        kind, update = "hold", lagged
     values = np.unique(value)
     step = resolution if len(values) != 2 else float(values[1] - values[0])
     return ReadingSpan(role, at, update, kind, step, changes)
@@ -173,11 +178,39 @@ def _coherent(t: Array, period: float, needed: int) -> bool:
     return len(t) >= needed and bool(np.abs(np.exp(2j * np.pi * turns).mean(axis=0)).max() > COHERENT)
 
 
+def _lagged(t: Array, value: Array, resolution: float) -> float:
+    """Seconds for which values are held before a lag of first order (a filter of what comes too rarely); 0: they are not.
+
+    Each change is then the same share of the one before, but for the one with which a new value comes.
+    """
+    dt, change = np.diff(t), np.diff(value)
+    visible = np.abs(change[:-1]) > VISIBLE_STEPS * max(resolution, decimals_step(value))
+    if np.count_nonzero(visible) < MIN_READINGS or float(dt.max()) > EVEN * float(dt.min()):
+        return 0.0
+    share = float(np.median(change[1:][visible] / change[:-1][visible]))
+    if not LAG_SHARES[0] < share < LAG_SHARES[1]:
+        return 0.0
+    return _between_knots(t, value, change / dt, np.abs(change[1:] - share * change[:-1]), resolution)
+
+
 def _joined(t: Array, value: Array, resolution: float) -> float:
     """Seconds between the knots of straight lines; 0: there are none."""
     dt = np.diff(t)
     slope = np.diff(value) / dt
-    bend = np.abs(np.diff(slope)) * np.minimum(dt[1:], dt[:-1])
+    return _between_knots(t, value, slope, np.abs(np.diff(slope)) * np.minimum(dt[1:], dt[:-1]), resolution)
+
+
+def _between_knots(t: Array, value: Array, slope: Array, bend: Array, resolution: float) -> float:
+    """Seconds between the readings at which the values bend; 0: they do not bend at some alone.
+
+    Args:
+        t: (n,) s.
+        value: (n,).
+        slope: (n - 1,) of the values, in their unit per s.
+        bend: (n - 2,) by how much each change differs from what the one before says.
+        resolution: of the values.
+    """
+    dt = np.diff(t)
     limit = max(
         STRAIGHT * max(resolution, decimals_step(value)),
         FLOAT_ROUNDING * float(np.abs(value).max()),
