@@ -19,13 +19,12 @@ from canid.analysis.fleet.one_log.analysis import analyse
 from canid.analysis.fleet.running import local_run
 from canid.analysis.fleet.running.isolated import Child
 from tests.exact import exact
+from tests.fixtures.ended import PATIENCE_S, gone
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, REPO, SOURCES, URBAN, job, sparse
 
 # bytes of zeros that take some seconds to hash, and room for nothing
 SLOW_BYTES = 20_000_000_000
-# s; bounds what hangs
-PATIENCE_S = 60.0
 
 
 @pytest.fixture
@@ -48,20 +47,6 @@ def numbers(outcome: Outcome) -> str:
         for name, of in outcome.tables.items()
     }
     return exact((outcome._replace(tables={}), rows))
-
-
-def gone(pid: int) -> bool:
-    """Whether a process ends within a while."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[0]
-        except (FileNotFoundError, ProcessLookupError):
-            return True
-        if state == "Z":  # dead; whoever has adopted it has not noticed
-            return True
-        time.sleep(0.05)
-    return False
 
 
 def busy(child: Child) -> int:

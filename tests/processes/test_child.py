@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,9 +13,8 @@ import pytest
 
 from canid.values.processes.child import EXIT_S, Child, EndedError, NoAnswerError
 from canid.values.processes.memory_victim import OOM_SCORE
+from tests.fixtures.ended import PATIENCE_S, gone
 
-# s; bounds what hangs
-PATIENCE_S = 60.0
 ANSWERS = """
 import ctypes, os, signal, subprocess, sys, time
 from canid.values.processes import limits
@@ -47,20 +45,6 @@ for message in parent.messages():
 def child() -> Iterator[Child]:
     with Child([sys.executable, "-c", ANSWERS]) as made:
         yield made
-
-
-def gone(pid: int) -> bool:
-    """Whether a process ends within a while."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        try:
-            state = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[0]
-        except (FileNotFoundError, ProcessLookupError):
-            return True
-        if state == "Z":
-            return True
-        time.sleep(0.05)
-    return False
 
 
 def test_what_is_printed_gets_not_between_the_answers(child: Child) -> None:

@@ -26,15 +26,10 @@ from canid.mathematics.systems.identified_loop import IdentifiedLoop
 from canid.mathematics.systems.posterior_draws import Drawn
 from canid.values.findings import Finding, Report, duration, used_time
 from canid.values.identified_model import IdentifiedModel
-from canid.values.types import NAN, TASK_INPUTS, Channel, Identifiable, Interval
+from canid.values.types import NAN, QUOTED, TASK_INPUTS, Channel, Identifiable, Interval
 
 # fields that the status of a channel allows to be quoted
-_QUOTED = {
-    Identifiable.OK: FIELDS,
-    Identifiable.SUM_ONLY: ("K", "tau_plus_dead_time"),
-    Identifiable.GAIN_ONLY: ("K",),
-    Identifiable.NOT: (),
-}
+_QUOTED = {**QUOTED, Identifiable.OK: FIELDS}
 # names of a diagnosis' model, and what they are called here
 _MODEL_NAMES = {
     f"{field}{i}": f"{name} {field}"

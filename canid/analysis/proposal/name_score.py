@@ -195,7 +195,10 @@ def is_yes(text: str) -> bool:
 def _number(
     role: str, file: int, message: Message, signal: Signal, points: float, score: float
 ) -> Candidate | None:
-    if signal.length <= 1 or sum(not _is_numeric(text) for text in signal.choices.values()) > _MAX_TEXTS:
+    if (
+        signal.length <= 1
+        or sum(not re.match(r"[+-]?\d", text) for text in signal.choices.values()) > _MAX_TEXTS
+    ):
         return None
     wanted, unit = ROLES[role].unit, dbc_unit(signal.unit)
     if unit == EITHER_SPEED:
@@ -216,10 +219,6 @@ def _number(
         score -= 1.0
     made = Candidate(role, file, message, signal, points, score, unit)
     return _plausible(made, low, high)
-
-
-def _is_numeric(text: str) -> bool:
-    return re.match(r"[+-]?\d", text) is not None
 
 
 # a step of a pedal that is given as a share: five bits resolve 3 %

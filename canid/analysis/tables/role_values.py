@@ -179,7 +179,7 @@ def derived(values: Values, t: Array, driver: Driver | None, name: str) -> tuple
     lead_id = known("lead_id")
     if lead_id is not None:
         roles["lead_valid"] = _valid(lead_id, roles.get("lead_valid"))
-    given = {role: x for role, x in roles.items() if role in ROLES and _any(x)}
+    given = {role: x for role, x in roles.items() if role in ROLES and np.isfinite(clean(x)).any()}
     given.pop("lead_speed", None)
     chosen = driver if driver is not None else _driver(given)
     if chosen.output == "accel" and "accel" not in given and "speed" in given:
@@ -193,10 +193,6 @@ def derived(values: Values, t: Array, driver: Driver | None, name: str) -> tuple
             output_filter=OutputFilter("unknown" if chosen.output == "accel" else "none")
         )
     return Values(given, notes), chosen
-
-
-def _any(x: Array) -> bool:
-    return bool(np.isfinite(clean(x)).any())
 
 
 def _driver(given: Mapping[str, Array]) -> Driver:

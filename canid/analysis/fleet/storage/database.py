@@ -11,31 +11,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from canid.analysis.fleet.storage import generations, parquet_files, typed_rows
-from canid.analysis.fleet.storage.columns import (
-    DRIVERS,
-    EVENTS,
-    FINDINGS,
-    JOINT_FINDINGS,
-    POPULATION,
-    POWER,
-    SUMMARIES,
-    WINDOWS,
-    Column,
-)
+from canid.analysis.fleet.storage.columns import SUMMARIES, TABLES
 from canid.analysis.fleet.storage.generations import NEEDED, Tables
 from canid.io.files import duckdb_files
 from canid.values.errors import ConfigError, DamagedLogError, one_line
 
 # what may be missing: a fleet without a diagnosis has no findings, and one that was interrupted no summary yet
-_EMPTY: dict[str, Sequence[Column]] = {
-    "windows": WINDOWS,
-    "events": EVENTS,
-    "findings": FINDINGS,
-    "power": POWER,
-    "drivers": DRIVERS,
-    "population": POPULATION,
-    "joint_findings": JOINT_FINDINGS,
-}
+_EMPTY = {name: columns for name, columns in (TABLES | SUMMARIES).items() if name not in NEEDED}
 VIEWS = (*NEEDED, *_EMPTY)
 # bytes; a sort of all windows of 10,000 h takes less, and a laptop of 8 GB stays usable
 MEMORY_BYTES = 2_000_000_000

@@ -84,7 +84,7 @@ def local(folder: str) -> str:
     mirror = _Mirror(folder)
     # a run that works in the copy has tables at least as new
     with suppress(LockError), mirror.held():
-        mirror.pull_tables()
+        mirror.pull(tables_alone=True)
     return str(mirror.folder)
 
 
@@ -125,15 +125,8 @@ class _Mirror:
         with lock.held(self.folder):
             yield
 
-    def pull(self) -> None:
+    def pull(self, *, tables_alone: bool = False) -> None:
         """Fetch the parts that are not here, and the tables that another machine has written."""
-        self._pull(_complete)
-
-    def pull_tables(self) -> None:
-        """Fetch the tables alone."""
-        self._pull(lambda _: [])
-
-    def _pull(self, wanted: Callable[[Mapping[str, str]], list[str]]) -> None:
         with self._saying("cannot be read"):
             there = self._there()
             if there and MARK not in there:
@@ -143,7 +136,7 @@ class _Mirror:
             known = self._known()
             # first by what the copy is known as a fleet's folder
             self._fetch([MARK], there, known)
-            for name in wanted(there):
+            for name in () if tables_alone else _complete(there):
                 if not self._is_here(name):
                     self._fetch_part(name, there)
                 known[f"parts/{name}"] = there[f"parts/{name}/{_LAST_OF_PART}"]

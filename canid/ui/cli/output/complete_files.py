@@ -17,7 +17,7 @@ from typing import BinaryIO, NamedTuple
 
 from canid.io.files import opening
 from canid.ui.cli.output import outputs
-from canid.ui.cli.output.outputs import Output, StandardOutput, TextOutput, is_stream, unwritable
+from canid.ui.cli.output.outputs import Output, StandardOutput, TextOutput, is_stream, writing_to
 from canid.values.errors import OutputError
 
 
@@ -44,19 +44,15 @@ class CompleteFiles:
             OutputError: it cannot be written, or a file that must not be replaced is there.
         """
         part = self.begin(output)
-        try:
+        with writing_to(output.path):
             yield part
             part.file.close()
-        except OSError as error:
-            raise unwritable(output.path, error) from error
 
     def begin(self, output: Output) -> Part:
         """Open a file under a temporary name. Raises OutputError."""
         outputs.check([output])
-        try:
+        with writing_to(output.path):
             self._parts.append(_opened(output))
-        except OSError as error:
-            raise unwritable(output.path, error) from error
         return self._parts[-1]
 
     def commit(self) -> None:
@@ -64,11 +60,9 @@ class CompleteFiles:
         outputs.check([part.output for part in self._parts])
         while self._parts:
             part = self._parts[0]
-            try:
+            with writing_to(part.output.path):
                 part.file.close()
                 _named(part)
-            except OSError as error:
-                raise unwritable(part.output.path, error) from error
             self._parts.pop(0)
 
     def discard(self) -> None:
@@ -102,10 +96,8 @@ class Document:
     def write(self, data: str | bytes) -> None:
         """Write text (as UTF-8) or bytes. Raises OutputError."""
         self.begun = True
-        try:
+        with writing_to(self._part.output.path):
             self._part.file.write(data.encode("utf-8", "backslashreplace") if isinstance(data, str) else data)
-        except OSError as error:
-            raise unwritable(self._part.output.path, error) from error
 
 
 @contextmanager

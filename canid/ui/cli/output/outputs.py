@@ -138,10 +138,8 @@ class OutputFile:
 
     def write(self, data: str | bytes) -> None:
         """Write text (as UTF-8) or bytes in full. Raises OutputError."""
-        try:
+        with writing_to(self._output.path):
             self.write_bytes(data.encode("utf-8", "backslashreplace") if isinstance(data, str) else data)
-        except OSError as error:
-            raise unwritable(self._output.path, error) from error
 
     def write_bytes(self, data: bytes) -> None:
         """Write bytes in full. Raises OSError, or OutputError where the file cannot be opened."""
@@ -167,23 +165,17 @@ class OutputFile:
                 and os.path.samestat(os.fstat(fd), os.lstat(self._output.path))
             ):
                 os.unlink(self._output.path)
-        try:
+        with writing_to(self._output.path):  # some file systems report here that something was not written
             os.close(fd)
-        except OSError as error:  # some file systems report here that something was not written
-            raise unwritable(self._output.path, error) from error
 
     def _open(self) -> None:
         path = self._output.path
-        try:
-            self._fd = opening.create(path)
-            self._created = True
-        except FileExistsError:
-            if is_stream(path):
-                self._fd = opening.stream(path)
-            else:
-                self._fd = _existing(self._output, write=True)
-        except OSError as error:
-            raise unwritable(path, error) from error
+        with writing_to(path):
+            try:
+                self._fd = opening.create(path)
+                self._created = True
+            except FileExistsError:
+                self._fd = opening.stream(path) if is_stream(path) else _existing(self._output, write=True)
 
 
 class DetachedOutput:
@@ -245,33 +237,31 @@ def _name_fits(output: Output) -> None:
 def _existing(output: Output, *, write: bool) -> int:
     """Open an existing regular file, recognised by its content. Raises OutputError."""
     path = output.path
-    try:
-        fd = opening.existing_named(path, write=write)
-    except FileNotFoundError as error:
-        raise OutputError(f"{path}: is a link to nothing; choose another name") from error
-    except OSError as error:
-        if error.errno == errno.EMLINK:
+    with writing_to(path):
+        try:
+            fd = opening.existing_named(path, write=write)
+        except FileNotFoundError as error:
+            raise OutputError(f"{path}: is a link to nothing; choose another name") from error
+        except OSError as error:
+            if error.errno != errno.EMLINK:
+                raise
             raise OutputError(
                 f"{path}: exists under another name as well (a hard link): it is left as it is; choose another name"
             ) from error
-        raise unwritable(path, error) from error
-    try:
-        # read and seek back: Windows has no pread
-        head = os.read(fd, HEAD_BYTES)
-        os.lseek(fd, 0, os.SEEK_SET)
-        # an empty file, such as after a failure, holds nothing that could be lost
-        if head and not (output.kind.recognise and output.kind.recognise(head)):
-            raise OutputError(
-                f"{path}: exists and is not {output.kind.name}: it is left as it is; choose another name"
-            )
-        if not output.replace:
-            raise OutputError(f"{path}: exists already; choose another name or use --force")
-    except OSError as error:
-        os.close(fd)
-        raise unwritable(path, error) from error
-    except OutputError:
-        os.close(fd)
-        raise
+        try:
+            # read and seek back: Windows has no pread
+            head = os.read(fd, HEAD_BYTES)
+            os.lseek(fd, 0, os.SEEK_SET)
+            # an empty file, such as after a failure, holds nothing that could be lost
+            if head and not (output.kind.recognise and output.kind.recognise(head)):
+                raise OutputError(
+                    f"{path}: exists and is not {output.kind.name}: it is left as it is; choose another name"
+                )
+            if not output.replace:
+                raise OutputError(f"{path}: exists already; choose another name or use --force")
+        except BaseException:
+            os.close(fd)
+            raise
     return fd
 
 
@@ -296,6 +286,10 @@ def is_stream(path: str) -> bool:
     return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
 
 
-def unwritable(path: str, error: OSError) -> OutputError:
-    """The error for a file that the system does not let write."""
-    return OutputError(f"{path}: cannot be written ({error.strerror})")
+@contextmanager
+def writing_to(path: str) -> Iterator[None]:
+    """Raise an OSError as the OutputError for a file that the system does not let write."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error

@@ -65,15 +65,11 @@ def plotly_figure(drawn: Figure | None, title: str) -> Any:
 def _painted(value: Any) -> Any:
     """The colors of `NOTEBOOK`; what has none there is left to plotly's template."""
     if isinstance(value, dict):
-        kept: Spec = {key: x for key, x in value.items() if not _unpainted(x)}
+        kept: Spec = {key: x for key, x in value.items() if not (_named(x) and x[1:] not in NOTEBOOK)}
         return {key: _painted(x) for key, x in kept.items()}
     if isinstance(value, list | tuple):
         return [_painted(x) for x in value]
     return NOTEBOOK[value[1:]] if _named(value) else value
-
-
-def _unpainted(value: Any) -> bool:
-    return _named(value) and value[1:] not in NOTEBOOK
 
 
 def _named(value: Any) -> bool:

@@ -14,17 +14,12 @@ from canid.ui.views.terminal_view.state import TREND_SPAN_S, View
 from canid.values.text import estimate_text
 from canid.values.text.names import SYMBOLS, readable
 from canid.values.text.numbers import gain_unit
-from canid.values.types import Channel, Estimate, Identifiable, Interval, Progress, Status
+from canid.values.types import QUOTED, Channel, Estimate, Identifiable, Interval, Progress, Status
 
 # how much of a channel is known, most first
 KNOWN = (Identifiable.OK, Identifiable.SUM_ONLY, Identifiable.GAIN_ONLY, Identifiable.NOT)
 # delays that may be quoted, by status
-QUOTED_DELAYS = {
-    Identifiable.OK: ("tau", "dead_time"),
-    Identifiable.SUM_ONLY: ("tau_plus_dead_time",),
-    Identifiable.GAIN_ONLY: (),
-    Identifiable.NOT: (),
-}
+QUOTED_DELAYS = {status: tuple(name for name in names if name != "K") for status, names in QUOTED.items()}
 # s that the time axis has at least
 SHORTEST_AXIS_S = 60.0
 # columns of "K headway -12.34 " in front of a trend

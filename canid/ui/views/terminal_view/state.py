@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from canid.values.types import (
@@ -119,7 +120,9 @@ def update(view: View, item: Item) -> View:
             ),
         )
     others = tuple(e for e in view.estimates if e.estimator != item.estimator)
-    view = view._replace(t=max(view.t, item.t), estimates=tuple(sorted((*others, item), key=_by_name)))
+    view = view._replace(
+        t=max(view.t, item.t), estimates=tuple(sorted((*others, item), key=attrgetter("estimator")))
+    )
     if item.headline:
         view = view._replace(headlined=item.estimator, trend=_longer(view.trend, item))
     if item.status is Status.OK:
@@ -187,7 +190,3 @@ def _longer(trend: tuple[TrendPoint, ...], e: Estimate) -> tuple[TrendPoint, ...
     if trend and e.t - trend[-1].t < TREND_STEP_S:
         return trend
     return (*(p for p in trend if p.t > e.t - TREND_SPAN_S), TrendPoint(e.t, e.channels))
-
-
-def _by_name(e: Estimate) -> str:
-    return e.estimator
