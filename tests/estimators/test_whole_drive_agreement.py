@@ -86,6 +86,21 @@ def test_a_response_that_is_left_over_withholds_the_delays_of_both() -> None:
     assert "90 %" in says
 
 
+def test_a_gain_with_more_left_over_than_it_gives_is_not_quoted() -> None:
+    """Of 0.40 with 125 % left over and 0.20 neither is quoted, and the diagnosis may quote what excludes the first."""
+    one, other, says = judged(found(band(0.31, 0.49), left=1.25), found(band(0.14, 0.30)))
+    assert one.status is Identifiable.NOT
+    assert other.status is Identifiable.NOT
+    assert "more of a response than the model gives (125 %)" in says
+    assert "no point in common" not in says
+    made = arbitrated({"armax": found(band(0.14, 0.30)), "fopdt": found(band(0.31, 0.49), left=1.25)})
+    left, why = diagnosed({NAME: Channel(band(0.10, 0.22), status=Identifiable.GAIN_ONLY)}, made, False)
+    assert quotable(left[NAME], "K"), why
+    # less than that withholds delays alone
+    one, _, _ = judged(found(band(0.31, 0.49), left=0.9), found(band(0.30, 0.45)))
+    assert one.status is Identifiable.GAIN_ONLY
+
+
 def test_disjoint_lags_leave_the_sum() -> None:
     """tau and dead time are withheld, their sum and the gain are not."""
     apart = [

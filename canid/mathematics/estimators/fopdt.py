@@ -335,7 +335,7 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
     how = fopdt_whole_drive.Fitting(
         settings.tau_max, settings.dead_time_max, settings.prior, settings.output_filter
     )
-    form = wanted_gap_form.choose(trace, how.fit(trace, slice(None)), how.again)
+    form = wanted_gap_form.choose(trace, how.fit)
     trace, fit = form.trace, form.fit
     channels = dict(zip(trace.input_names, fit.channels, strict=True))
     tests, left = None, ""

@@ -80,15 +80,8 @@ class Fitting(NamedTuple):
     prior: Prior | None
     output_filter: OutputFilter | None
 
-    def fit(self, trace: Trace, part: slice) -> ProcessFit:
+    def fit(self, trace: Trace, part: slice = slice(None)) -> ProcessFit:
         """Fit a stretch from several starts; the inputs before it are not its history."""
-        return self._fitted(trace, part, None)
-
-    def again(self, trace: Trace, before: ProcessFit) -> ProcessFit:
-        """Fit the whole of a trace that is nearly the one before, from where that fit ended."""
-        return self._fitted(trace, slice(None), before)
-
-    def _fitted(self, trace: Trace, part: slice, before: ProcessFit | None) -> ProcessFit:
         return fopdt_fit.fit_process(
             trace.output[part],
             trace.inputs[part],
@@ -104,8 +97,7 @@ class Fitting(NamedTuple):
             ),
             segment=trace.segment[part],
             bound=None if trace.bound is None else trace.bound[part],
-            several=before is None,
-            start=None if before is None else before.start,
+            several=True,
         )
 
 

@@ -33,6 +33,8 @@ UNSTABLE_SHARE = QUANTILES[1]
 # this the intervals of tau + dead time hold the truth as often as without, above it half as often, while those of K
 # hold it as before (table `residuals` of docs/evidence/identification.md).
 MAX_LEFT_OVER = 0.4
+# The same beyond which the gain may not be quoted either: more of the response is left over than the model gives.
+MAX_LEFT_OVER_OF_GAIN = 1.0
 
 # Share of what is known of a parameter that a declared prior brought, from which on a reader is to know it: more than half.
 MENTIONED_PRIOR_SHARE = 0.5
@@ -203,6 +205,21 @@ def large_left_over(tests: ResidualTests) -> list[tuple[str, float]]:
     """
     shares = ((name, tests.left_over_share.get(name, 0.0)) for name in tests.left_over)
     return [(name, share) for name, share in shares if share > MAX_LEFT_OVER]
+
+
+def gains_left_over(tests: ResidualTests) -> dict[str, str]:
+    """Inputs of which more of the response is left over than the model gives, and why their gain may not be quoted.
+
+    >>> tests = ResidualTests(True, 20.0, 41.6, ("range_rate",), (), True, {"range_rate": 18}, {"range_rate": 1.2})
+    >>> list(gains_left_over(tests)), gains_left_over(tests._replace(left_over_share={"range_rate": 0.8}))
+    (['range_rate'], {})
+    """
+    return {
+        name: f"{name.replace('_', ' ')}: the residuals still hold more of a response than the model gives "
+        f"({100 * share:.0f} %): K may not be quoted; canid diagnose looks for the cause"
+        for name, share in large_left_over(tests)
+        if share > MAX_LEFT_OVER_OF_GAIN
+    }
 
 
 def left_over(tests: ResidualTests) -> str:

@@ -1,9 +1,9 @@
 """Which gap the driver wants at a speed, by evidence over a whole drive: a time headway alone, or one with a standstill gap.
 
 With a standstill gap s0 the error that is answered is headway − T − s0/v. Fitted without it, K1 takes what the answer to
-s0/v should have: in town it comes out a seventh too large. Each s0 of a few is a fit of its own; their likelihoods, joined
-by a parabola, give the posterior of s0, half of the prior at none, and one more fit at the likeliest. K1 is the mixture over
-all that are possible; where one kind is not, it is said which holds.
+s0/v should have: in town it comes out a seventh too large. Each s0 of a few has a search of its own; their likelihoods,
+joined by a parabola, give the posterior of s0, half of the prior at none, and one more fit at the likeliest. K1 is the
+mixture over all that are possible; where one kind is not, it is said which holds.
 """
 
 from __future__ import annotations
@@ -70,28 +70,25 @@ def _matters(trace: Trace, fit: ProcessFit) -> bool:
     return moved > LEAST_SHARE * 0.5 * (K.high - K.low) * float(np.nanstd(error))
 
 
-def choose(trace: Trace, fit: ProcessFit, again: Callable[[Trace, ProcessFit], ProcessFit]) -> Chosen:
+def choose(trace: Trace, fitted: Callable[[Trace], ProcessFit]) -> Chosen:
     """Compare the forms.
 
     Args:
         trace: of the drive.
-        fit: of a time headway alone.
-        again: fits another trace, beginning where a fit ended.
+        fitted: fits a trace, from several starts: each form may have several answers that reproduce themselves, and one
+            that begins where another form ended is compared by the luck of its descent.
     """
+    fit = fitted(trace)
     if fit.posterior is None or not _matters(trace, fit):
         return Chosen(trace, fit, 0.0, 0.0, "")
-    # the same search for all: what another refit of the noise model gains is no evidence of a form
-    alike = again(trace, fit)
-    every = [(0.0, alike)]
-    for standstill in STANDSTILLS:
-        every.append((standstill, again(with_standstill(trace, standstill), every[-1][1])))
+    every = [(0.0, fit), *((s0, fitted(with_standstill(trace, s0))) for s0 in STANDSTILLS)]
     # fits of one stride may be compared
     usable = [
         (s0, form_fit)
         for s0, form_fit in every
         if form_fit.posterior is not None and form_fit.stride == fit.stride
     ]
-    if alike.posterior is None or len(usable) < 2:
+    if len(usable) < 2:
         return Chosen(trace, fit, 0.0, 0.0, "")
     at = np.array([s0 for s0, _ in usable])
     inflation = max(usable, key=lambda pair: pair[1].score)[1].variance_inflation
@@ -99,7 +96,7 @@ def choose(trace: Trace, fit: ProcessFit, again: Callable[[Trace, ProcessFit], P
     weight = _posterior(at, score)
     with_gap, i = 1.0 - float(weight[0]), trace.input_names.index(HELD)
     nearest = float(FINE[1 + int(np.argmax(weight[1:]))])
-    gap_fit = again(with_standstill(trace, nearest), usable[int(np.argmin(np.abs(at - nearest)))][1])
+    gap_fit = fitted(with_standstill(trace, nearest))
     if gap_fit.posterior is None or gap_fit.stride != fit.stride:
         nearest, gap_fit = max(usable[1:], key=lambda pair: pair[1].score)
     fits = [form_fit for _, form_fit in usable]

@@ -42,15 +42,16 @@ CHANGED = "the gains changed during the drive: none of these holds for all of it
 def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
     """Withhold what estimators contradict each other in, and say what each would need to be right.
 
-    Disjoint intervals count. So does a gain that only one of them may quote, where the other's model explains no more than
-    the mean, or where residuals still hold a response that is too large for a delay (`plausibility.MAX_LEFT_OVER`): with
-    such a response no answer of first order has delays, whoever fitted it.
+    Disjoint intervals count, of those that a method may quote by its own residuals: where more of a response is left over
+    than the model gives, it may not (`plausibility.MAX_LEFT_OVER_OF_GAIN`). So does a gain that only one of them may quote,
+    where the other's model explains no more than the mean, or where residuals still hold a response that is too large for
+    a delay (`plausibility.MAX_LEFT_OVER`): with such a response no answer of first order has delays, whoever fitted it.
 
     Args:
         whole: estimator -> its result; None: it has none.
     """
-    out = dict(whole)
-    made = {name: result for name, result in whole.items() if result is not None}
+    out = {name: _without_gains_left_over(result) for name, result in whole.items()}
+    made = {name: result for name, result in out.items() if result is not None}
     inputs = {key for result in made.values() for key in result.channels}
     wrong = agreement.wrong_for(inputs)
     for method, says in ((name, _left_over(result)) for name, result in made.items()):
@@ -153,6 +154,16 @@ def disjoint(first: Mapping[str, Channel], other: Mapping[str, Channel]) -> list
 
 def _left_over(result: WholeDrive) -> str:
     return "" if result.residual_tests is None else plausibility.left_over(result.residual_tests)
+
+
+def _without_gains_left_over(result: WholeDrive | None) -> WholeDrive | None:
+    if result is None or result.residual_tests is None:
+        return result
+    out: WholeDrive | None = result
+    for name, reason in plausibility.gains_left_over(result.residual_tests).items():
+        if quotable(result.channels.get(name, Channel()), "K"):
+            out = _without(out, name, "K", reason)
+    return out
 
 
 def _drifts(made: Mapping[str, WholeDrive]) -> list[str]:
