@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.mathematics.estimators.fopdt import FopdtSettings, identify
 from canid.mathematics.estimators.fopdt_whole_drive import Fitting
 from canid.mathematics.identification.autoregression import fit as autoregression
 from canid.mathematics.identification.first_order import scan
 from canid.mathematics.identification.fopdt import offset_drift
 from canid.mathematics.identification.fopdt.fopdt_fit import fit_process
 from canid.mathematics.identification.fopdt.grid_search import ProcessFit
-from canid.mathematics.identification.identifiability import quotable
 from canid.values.types import Array
 from tests.plants.outside_form import draw, drive
 from tests.plants.outside_form_sensors import seen
@@ -96,20 +94,3 @@ def test_a_slow_noise_is_given_no_more_drift_than_a_walk_has(seed: int, noise: s
     trace = seen(world, drive(world))
     K = Fitting(3.0, 1.5, None, trace.output_filter).fit(trace, slice(None)).channels[0].K
     assert abs(K.value - world.K1) < 2.6 * (K.high - K.low) / 3.92, K
-
-
-@pytest.mark.slow("fits drives of ten minutes")
-def test_a_drift_at_the_end_of_the_pedal_leaves_no_gain() -> None:
-    """In town, the pedal at 0 % for a quarter of the time, K1 is withheld where a drift is found; on other roads not.
-
-    Noise of 25 s. When the pedal is released depends on the drift: K1 was 4.02 [2.48, 5.59] for 5.72 (seed 10980).
-    """
-    said = {}
-    for seed in (10980, 10995):
-        world = draw(seed, 10.0, "drift")
-        trace = seen(world, drive(world))
-        found = identify(trace, FopdtSettings(output_filter=trace.output_filter))
-        assert found.model.drift > 0
-        said[world.road] = any("at its end" in line for line in found.lines)
-        assert not (said[world.road] and quotable(found.channels["headway_error"], "K"))
-    assert said == {"urban": True, "mixed": False}

@@ -40,11 +40,6 @@ MAX_PENDING_SAMPLES = 64
 # than ARMAX asks for (armax.MIN_MOVEMENT_TO_LEARN): a window forgets what it was fitted to, a recursion does not.
 MIN_MOVEMENT_TO_FIT = 0.01
 
-# Share of the time behind a lead at an end of the output, above which an offset that drifts leaves no gain on headway: when
-# the output is at its end depends on the drift, of which nothing is seen there. Simulated pedals, ten minutes, noise of
-# 25 s: K1 one sd too small from 0.2 on, none below 0.17, none without a floor.
-MAX_AT_ENDS = 0.2
-
 
 # --- settings --------------------------------------------------------------------------------------
 
@@ -364,25 +359,9 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         "form_spread": form.spread,
     }
     drive = WholeDrive(channels, fit, fit.fit_percent, tests, details=details, lines=lines)
-    if fit.drift > 0.0:
-        drive = wanted_gap_form.without_gain(drive, _hidden_drift(trace))
     if verdict.refused:
         return fopdt_whole_drive.with_changes(drive, fopdt_whole_drive.OverTime((), (), ()))
     return fopdt_whole_drive.with_changes(drive, fopdt_whole_drive.over_time(trace, fit, how))
-
-
-def _hidden_drift(trace: Trace) -> str:
-    """Why a drive whose offset drifts shows no gain on headway; empty: it does."""
-    if trace.bound is None:
-        return ""
-    at_end = int(np.count_nonzero(np.isfinite(trace.bound) & ~trace.learn))
-    share = at_end / max(at_end + int(np.count_nonzero(trace.learn)), 1)
-    if share <= MAX_AT_ENDS:
-        return ""
-    return (
-        f"the offset drifts, and for {100 * share:.0f} % of the time the output is at its end, where no drift is seen: "
-        "K may not be quoted; a drive on which the pedal is seldom released decides"
-    )
 
 
 def _mean(trace: Trace, role: str) -> float | None:

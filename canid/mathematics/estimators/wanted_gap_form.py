@@ -217,9 +217,9 @@ def without_gain(result: WholeDrive, reason: str) -> WholeDrive:
 
     Args:
         result: by that method.
-        reason: `ONE_FORM`, `STAYS`, or another; empty: there is none.
+        reason: `ONE_FORM` or `STAYS`.
     """
-    if not reason or HELD not in result.channels or not quotable(result.channels[HELD], "K"):
+    if HELD not in result.channels or not quotable(result.channels[HELD], "K"):
         return result
     channels = {**result.channels, HELD: not_quotable(result.channels[HELD])}
     return result._replace(channels=channels, lines=(f"headway error: {reason}", *result.lines))
