@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -24,6 +25,9 @@ from canid.values.types import NAN, Channel, Interval
 # lag and dead time is no parabola. By how much was measured on 188 clean drives of two simulators that are not canid's:
 # errors over stated sd are 1.07 (gains) and 1.3 (delays).
 GAINS_WIDER, DELAYS_WIDER = 1.1, 1.3
+# The same of a cause's numbers by the law of a person's innovations, whose scale is estimated sample by sample: of 39 causes
+# planted on halves of measured drives -2 log likelihood at the truth was 1.5 times as far above its minimum as chi-squared
+CAUSES_WIDER = 1.25
 # of a parameter's scale; a lag or dead time that ends nearer to the upper bound than this is at it
 BOUND_SCALE_SHARE = 1e-3
 
@@ -43,6 +47,7 @@ def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, In
     estimates: dict[str, dict[str, Interval]] = {}
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
         by = GAINS_WIDER if effect.dead_time is None else DELAYS_WIDER
+        by = max(by, CAUSES_WIDER) if math.isfinite(solved.noise.freedom) else by
         intervals = of_effect(data, solved, effect, by)
         for k in local_minima.change_points(solved.model, effect):
             spread = inflation(solved.fitted, [k], data.output.dt)
