@@ -87,8 +87,7 @@ def read(
         fixed = fast(block)
         rows = _one_by_one(block, fixed, take, times, count)
         fixed = merged(fixed, [(k, row[1:]) for k, row in rows])
-        for k, row in rows:
-            fixed.ns[k] = row.ns
+        fixed.ns[[k for k, _ in rows]] = [row.ns for _, row in rows]
         kept = np.flatnonzero(fixed.found)
         count.read += len(kept)
         columns = Columns(np.zeros(len(fixed.ns)), *fixed[2:])
@@ -156,11 +155,11 @@ def _one_by_one(
 ) -> list[tuple[int, Row]]:
     """The frames of lines that are not parsed yet, each with its row."""
     rows = []
+    ends = [*block.ends.tolist(), 0]
     for n, k in enumerate(np.flatnonzero(~fixed.found & filled(block)).tolist()):
-        begin = int(block.ends[k - 1]) if k else 0
         if n % PROGRESS_LINES == 0:
-            times.state.unpacked = block.at + begin
-        item = line(block, k, begin, int(block.ends[k]))
+            times.state.unpacked = block.at + ends[k - 1]
+        item = line(block, k, ends[k - 1], ends[k])
         row = _taken(item, take, count)
         if row is not None:
             times.begin()

@@ -64,10 +64,14 @@ def merged(fixed: LineColumns, singles: Sequence[tuple[int, Single]]) -> LineCol
     """
     if not singles:
         return fixed
-    fixed = widened(fixed, max(len(data) for _, (_, _, data, _, _) in singles))
-    for k, (bus, id_, data, flags, length) in singles:
-        fixed.found[k] = True
-        fixed.bus[k], fixed.id[k], fixed.flags[k] = bus, id_, flags
-        fixed.length[k] = max(length, 0) if flags & _REMOTE else len(data)
-        fixed.data[k, : len(data)] = np.frombuffer(data, np.uint8)
+    at = np.array([k for k, _ in singles])
+    bus, id_, data, flags, asked = zip(*(frame for _, frame in singles), strict=True)
+    lengths = np.array([len(each) for each in data])
+    fixed = widened(fixed, int(lengths.max()))
+    fixed.found[at] = True
+    fixed.bus[at], fixed.id[at], fixed.flags[at] = bus, id_, flags
+    fixed.length[at] = np.where(fixed.flags[at] & _REMOTE, np.maximum(asked, 0), lengths)
+    width = fixed.data.shape[1]
+    octets = b"".join([each.ljust(width, b"\0") for each in data])
+    fixed.data[at] = np.frombuffer(octets, np.uint8).reshape(-1, width)
     return fixed

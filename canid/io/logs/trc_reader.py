@@ -114,7 +114,7 @@ def read_trc(path: Path, state: ReadState, wanted: WantedIds | None = None) -> I
         if not begun:
             begun = True
             state.start_ns = None if form.start_ns is None else form.start_ns + record.ns
-        return record._replace(ns=ns)
+        return Row(ns, *record[1:])
 
     return read(path, state, take, wanted, dated=lambda: False)
 
