@@ -133,19 +133,19 @@ def test_cells_with_their_units(tmp_path: Path, units: tuple[str, ...], decimal:
             made.append(";".join(texts).replace(".", decimal))
         return "\n".join(made) + "\n"
 
-    beside, above = tmp_path / "beside.csv", tmp_path / "above.csv"
-    beside.write_text("time;speed;gap;range_rate;pedal\n" + lines(units), encoding="utf-8")
+    in_cells, in_header = tmp_path / "cells.csv", tmp_path / "header.csv"
+    in_cells.write_text("time;speed;gap;range_rate;pedal\n" + lines(units), encoding="utf-8")
     stated = ";".join(
         f"{name} [{unit.strip()}]"
         for name, unit in zip(["time", "speed", "gap", "range_rate", "pedal"], units, strict=True)
     )
-    above.write_text(stated + "\n" + lines(("",) * 5), encoding="utf-8")
-    table = open_table(beside)
-    assert frames(table) == frames(open_table(above))
+    in_header.write_text(stated + "\n" + lines(("",) * 5), encoding="utf-8")
+    table = open_table(in_cells)
+    assert frames(table) == frames(open_table(in_header))
     assert not any("no unit is stated" in note for note in table.notes)
-    text = beside.read_text(encoding="utf-8")
-    beside.write_text(text.replace(f"{units[2]};", " ft;", 3), encoding="utf-8")
-    notes = [note for note in open_table(beside).notes if "hold no number" in note]
+    text = in_cells.read_text(encoding="utf-8")
+    in_cells.write_text(text.replace(f"{units[2]};", " ft;", 3), encoding="utf-8")
+    notes = [note for note in open_table(in_cells).notes if "hold no number" in note]
     assert [note.partition("gap: ")[2] for note in notes] == ["3 of 600 cells hold no number"]
 
 

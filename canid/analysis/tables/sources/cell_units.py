@@ -1,4 +1,4 @@
-"""Cells that hold their unit beside the number, as "12.5 m": the unit of a column goes to its heading."""
+"""Cells that hold a number and its unit, as "12.5 m": the unit of a column goes to its heading."""
 
 from __future__ import annotations
 
