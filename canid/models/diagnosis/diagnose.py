@@ -191,9 +191,15 @@ def _diagnosed(trace: Trace, context: corrections.Context, settings: Settings) -
 def _shown_by(trace: Trace, catalogue: tuple[Effect, ...]) -> tuple[Effect, ...]:
     """Effects that this output can show: one that is itself updated slowly shows no holds and no rhythm of the driver's.
 
+    Nor does it show a delay, and with it an effect that is one, or does what a shorter delay does.
+
     Of several drives together a slow one holds the search back on all: it is one search.
     """
     if all(finding.name != output_stamps.SLOW for finding in trace.findings):
         return catalogue
     still = {Detector.PEDAL_HOLDS, Detector.PEDAL_RHYTHM}
-    return tuple(effect for effect in catalogue if not still & set(effect.detectors))
+    return tuple(
+        effect
+        for effect in catalogue
+        if not still & set(effect.detectors) and effect.dead_time is None and not effect.shortens_dead_time
+    )
