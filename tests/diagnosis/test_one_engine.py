@@ -16,7 +16,7 @@ from canid.values.types import LearnGate, SignalFinding, Trace
 from tests.hidden_effects.planted_by_canid import by_columns
 
 SLOW = SignalFinding("output_slow", ("pedal",), 0.0, 60.0, "", "", False, withholds_delays=True)
-# what stands still, and what is told by a delay
+# what stands still, and what does what a delay does
 NOT_SHOWN = {"attention_gap", "act_and_wait", "delay_drift", "lead_acceleration"}
 # drives -> the reports on them
 Way = Callable[[Sequence[Trace]], Sequence[Report]]
