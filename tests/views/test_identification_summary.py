@@ -28,7 +28,7 @@ def fits(lines: list[str]) -> None:
 @pytest.mark.slow("pages in a browser")
 @pytest.mark.parametrize(
     ("log", "vehicle", "stop"),
-    [("following_urban.blf", "generic", 60), ("lane_keeping.blf", "generic_lane", 110)],
+    [("following_urban.blf", "generic", 60), ("lane_keeping.blf", "generic_lane", 120)],
 )
 def test_a_summary_fits_and_names_the_kind_of_fit(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, log: str, vehicle: str, stop: int

@@ -112,8 +112,8 @@ def estimate(
     if model is None:
         return refused(*status.by_fit({}, excitation))
     tests = _residual_tests(setup, model)
-    channels = dict(zip(names, box_jenkins_posterior.channels(layout, model), strict=True))
-    channels |= {name: feedback_bias.without(channels[name]) for name in feedback_bias.HELD if name in names}
+    of_inputs = zip(names, box_jenkins_posterior.channels(layout, model), strict=True)
+    channels = feedback_bias.without_all(dict(of_inputs))
     known_s = box_jenkins_recursive.seconds(layout, model)
     channels = {
         name: c._replace(K_anytime=_anytime(c.K, known_s)) if c.status is not Identifiable.NOT else c

@@ -16,9 +16,11 @@ from canid.mathematics.identification.armax import (
     box_jenkins_channels,
     gain_and_delay,
     measurement_noise,
+    order_selection,
 )
 from canid.mathematics.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.mathematics.identification.armax.box_jenkins import BoxJenkinsFit
+from canid.mathematics.identification.armax.rates import LONG_AR_S
 from canid.mathematics.identification.armax.simulated_fit import armax_fit_percent
 from canid.mathematics.identification.identifiability import gain_only
 from canid.mathematics.identification.output_filter import is_unknown
@@ -32,30 +34,27 @@ DELAYS_AT_LIMIT = (
     "the output is at its limit: what is left of it is in pieces, of which ARMAX quotes the gains alone"
 )
 
+# s; lags of the ARX models that are compared: one sample more each would say the same
+ARX_S = (0.2, 0.3, 0.4, 0.6, 0.8, 1.1, LONG_AR_S)
+
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     """Fit all usable samples of a drive; None: too few data, or no stable model."""
     at_limit = any(gate is LearnGate.OUTPUT_LIMIT for gate in trace.gate)
     trace = pooling.pooled(trace)
     usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
-    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment, dt=trace.dt)
-    if fit is None:
+    fitted = _fitted(trace, usable, orders)
+    if fitted is None:
         return None
-    if trace.variance is not None:
-        variances = _noise_variances(trace.variance[usable], (trace.output[usable], *trace.inputs[usable].T))
-        fit = measurement_noise.without_bias(fit, variances[0], variances[1:])
-    tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
-    fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+    fit, tests = fitted
     several = len(trace.input_names) > 1
-    separate = _separate_poles(trace, usable) if several else None
+    separate, which = _separate_poles(trace, usable) if several else None, tuple[str, ...]()
     if separate is not None:
         channels = separate.channels
     elif several:  # what inputs that share their poles cost each other is in no covariance
         channels = {name: Channel() for name in trace.input_names}
     else:
-        channels = gain_and_delay.channels(
-            trace.input_names, fit.A, fit.B, orders.nk, fit.covariance, trace.dt
-        )
+        channels, which = _by_arx(trace, usable, orders.nk)
     explained = (
         armax_fit_percent(fit, trace.output, trace.inputs, usable, trace.segment, trace.dt)
         if separate is None
@@ -82,9 +81,47 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
             *reasons,
             *_polynomials(fit, trace.input_names),
             f"poles {', '.join(map(_pole, fit.poles))}",
+            *which,
             *(() if separate is None else _separate_lines(separate.fit, trace)),
         ),
     )
+
+
+def _fitted(
+    trace: Trace, usable: npt.NDArray[np.bool_], orders: Orders
+) -> tuple[ArmaxFit, ResidualTests] | None:
+    """Fit, without the bias by measurement noise, and with a covariance widened for what the residuals still hold."""
+    fit = fit_armax(trace.output, trace.inputs, usable, orders, segment=trace.segment, dt=trace.dt)
+    if fit is None:
+        return None
+    if trace.variance is not None:
+        variances = _noise_variances(trace.variance[usable], (trace.output[usable], *trace.inputs[usable].T))
+        fit = measurement_noise.without_bias(fit, variances[0], variances[1:])
+    tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, orders.na + orders.nc)
+    return fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance), tests
+
+
+def _by_arx(
+    trace: Trace, usable: npt.NDArray[np.bool_], nk: int
+) -> tuple[dict[str, Channel], tuple[str, ...]]:
+    """Gain and delays of one input, by an ARX model of the order that AIC prefers, and a line that says which.
+
+    In a loop a noise model that is too small biases the answer (Ljung 1999, sec. 13.4): on 24 drives of 10 min K of
+    ARMAX(2,2,1) was 0.6 to 1.3 times the truth. ARX models hold every noise as their order grows (sec. 10.4), and AIC lets
+    it grow with what is known (Shibata 1980).
+    """
+    counts = sorted({max(round(seconds / trace.dt), 2) for seconds in ARX_S})
+    rows = trace.output, trace.inputs, usable
+    compared = order_selection.compare(
+        *rows, [Orders(n, n, 0, nk) for n in counts], segment=trace.segment, dt=trace.dt
+    )
+    best = min(compared, key=lambda each: np.nan_to_num(each.aic, nan=np.inf)).orders
+    fitted = _fitted(trace, usable, best)
+    if fitted is None:
+        return dict.fromkeys(trace.input_names, Channel()), ()
+    fit = fitted[0]
+    channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, nk, fit.covariance, trace.dt)
+    return feedback_bias.without_all(channels), (f"K and delays from an ARX model of {best.na} lags, by AIC",)
 
 
 class _Separate(NamedTuple):
@@ -107,10 +144,9 @@ def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | 
         noise_order = fit.orders.nc + fit.orders.nd
         tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, noise_order)
         fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
-    channels = box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
-    channels |= {
-        name: feedback_bias.without(channels[name]) for name in feedback_bias.HELD if name in channels
-    }
+    channels = feedback_bias.without_all(
+        box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
+    )
     if is_unknown(output_filter):
         # the delays found are those of the driver and of the filter
         channels = {name: identifiability.gain_only(channel) for name, channel in channels.items()}

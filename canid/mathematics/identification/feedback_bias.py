@@ -11,14 +11,14 @@ A drift of the offset (fopdt/offset_drift.py) is a part of the noise, with no fr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.identifiability import with_gain
 from canid.values.types import Channel, Interval
 
 # the inputs that a driver's loop holds
-HELD = ("headway_error",)
+HELD = ("headway_error", "lateral_offset")
 
 
 def held(names: Sequence[str]) -> int | None:
@@ -28,6 +28,11 @@ def held(names: Sequence[str]) -> int | None:
     (0, None)
     """
     return next((i for i, name in enumerate(names) if name in HELD), None)
+
+
+def without_all(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+    """The channels of a model, those of inputs that the loop holds without their bias."""
+    return {name: without(channel) if name in HELD else channel for name, channel in channels.items()}
 
 
 def without(channel: Channel) -> Channel:

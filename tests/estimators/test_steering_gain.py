@@ -1,0 +1,61 @@
+"""The gain of a driver who keeps the lane does not depend on which noise the driver's hand has."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from canid.mathematics.estimators import armax_whole_drive
+from canid.mathematics.identification.armax.armax_batch import Orders
+from canid.values.types import QUOTED, LearnGate, Trace
+from tests.plants.planted_drive import Array
+from tests.seeds import mostly
+
+STEP, N, K, KD = 0.1, 6000, -0.9, -3.8
+# ° m⁻¹ and ° s m⁻¹: how fast a car of 25 m/s moves to the side, m/s² per °
+PER_DEGREE = 0.25
+
+
+def loop(memory: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Wheel angle, °, and lateral offset, m, (n,) each, of a driver whose noise has a memory of so many s.
+
+    The angle answers offset and lateral speed after 0.2 s through two lags; the noise is added to it behind them, so that
+    it shares no pole with the answer. Gusts push the car.
+    """
+    keep = math.exp(-STEP / memory)
+    noise = lfilter([0.6 * math.sqrt(1.0 - keep * keep)], [1.0, -keep], rng.standard_normal(N)).tolist()
+    gusts = lfilter([0.1], [1.0, -0.93], rng.standard_normal(N)).tolist()
+    offset, angle = np.zeros(N), np.zeros(N)
+    speed, last, arm, calm = 0.0, 0.0, 0.0, 0.0
+    for k in range(N):
+        before = max(k - 2, 0)
+        asked = K * offset[before] + KD * (offset[before] - offset[max(k - 3, 0)]) / STEP
+        calm += 0.4 * (asked - calm)
+        arm += 0.6 * (calm - arm)
+        angle[k] = arm + noise[k]
+        if k + 1 < N:
+            speed += STEP * (PER_DEGREE * 0.5 * (angle[k] + last) + gusts[k])
+            offset[k + 1] = offset[k] + STEP * speed
+        last = angle[k]
+    return angle, offset
+
+
+@pytest.mark.slow("fits drives of 10 min")
+@pytest.mark.parametrize("memory", [0.06, 0.3, 1.0])
+@mostly(0.93)
+def test_its_interval_holds_whatever_the_noise(memory: float, seed: int) -> None:
+    """Where it is quoted: ARMAX(2,2,1) shares the poles of answer and noise, and in a loop that moves the gain."""
+    angle, offset = loop(memory, np.random.default_rng(seed))
+    t = STEP * np.arange(N)
+    drive = Trace(
+        STEP, t, angle, offset[:, None], ("lateral_offset",), (LearnGate.OPEN,) * N, np.ones(N, dtype=bool),
+        np.zeros(N, dtype=np.int64), {"steering_angle": angle, "lateral_offset": offset},
+    )  # fmt: skip
+    found = armax_whole_drive.identify(drive, Orders())
+    assert found is not None
+    channel = found.channels["lateral_offset"]
+    if "K" in QUOTED[channel.status]:
+        assert channel.K.low < K < channel.K.high, channel
