@@ -288,6 +288,12 @@ BENCHMARKS = (
         "a wheel at its lock, by rate: locks found, gains that hold, false causes",
     ),
     Benchmark(
+        "lane_sensors",
+        "benchmarks.measurement_effects.lane_sensors",
+        "90 min",
+        "limits, rates, steps, lags, zeros and clocks in lane drives: gains that hold, what is named, false causes",
+    ),
+    Benchmark(
         "acceleration_slope",
         "benchmarks.measurement_effects.slope",
         "10 min",

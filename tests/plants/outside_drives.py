@@ -30,6 +30,8 @@ HEADINGS = {
     "pedal": "pedal [%]",
     "accel": "acceleration [m/s2]",
     "brake": "brake",
+    "steering_angle": "steering angle [deg]",
+    "lateral_offset": "lateral offset [m]",
 }
 
 
@@ -327,5 +329,6 @@ def read_table(path: str | Path, output: str) -> Trace:
         ...     print(read_table(table, "accel").output_filter.kind)
         none
     """
-    unsmoothed = Driver(output=output, output_filter=OutputFilter("none"))
+    task = "lane_keeping" if output == "steering_angle" else "car_following"
+    unsmoothed = Driver(task=task, output=output, output_filter=OutputFilter("none"))
     return trace_of(open_table(path, ColumnMap(driver=unsmoothed)), pipeline.DT)

@@ -12,7 +12,9 @@ import numpy as np
 from canid.analysis.drive import drive_parameters
 from canid.analysis.drive.drive_parameters import Identified
 from canid.values.errors import CanidError
+from canid.values.findings import Fit
 from canid.values.types import QUOTED, Interval, Trace
+from tests.plants import lane_tables
 from tests.plants.outside_drives import SIMULATORS, Drive, Truth, drawn_drive, read_table, write_table
 from tests.plants.sensor_effects import Drawn, applied, drawn_effects
 
@@ -54,7 +56,7 @@ def identified(drive: Drive) -> Identified | None:
         return None
 
 
-def quoted(result: Identified | None, truth: Truth) -> tuple[Quoted, ...]:
+def quoted(result: Identified | Fit | None, truth: Truth | lane_tables.Truth) -> tuple[Quoted, ...]:
     """What may be quoted of a result: identifiable parameters of the headline, each with its truth."""
     if result is None:
         return ()
@@ -92,7 +94,19 @@ def tried(seed: int, seconds: float = 600.0) -> Tried:
     rng = np.random.default_rng([seed, 47])
     simulator = str(rng.choice(sorted(SIMULATORS)))
     effects = drawn_effects(rng)
-    drive = drawn_drive(simulator, seed, seconds=seconds)
+    return _tried(seed, simulator, effects, drawn_drive(simulator, seed, seconds=seconds), rng)
+
+
+def tried_lane(seed: int, seconds: float = 600.0) -> Tried:
+    """As `tried`, of a drive that keeps the lane."""
+    rng = np.random.default_rng([seed, 48])
+    effects = drawn_effects(rng, among=lane_tables.EFFECTS)
+    return _tried(seed, "lane", effects, lane_tables.lane_drive(seed, seconds), rng)
+
+
+def _tried(
+    seed: int, simulator: str, effects: tuple[Drawn, ...], drive: Drive, rng: np.random.Generator
+) -> Tried:
     result = identified(applied(drive, effects, rng))
     names = () if result is None else tuple(dict.fromkeys(each.name for each in result.findings))
     return Tried(

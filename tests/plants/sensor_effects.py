@@ -199,18 +199,20 @@ class Drawn(NamedTuple):
         return f"{self.effect.name} {self.strength:g} {self.effect.unit}"
 
 
-def drawn_effects(rng: np.random.Generator, most: int = 3) -> tuple[Drawn, ...]:
+def drawn_effects(
+    rng: np.random.Generator, most: int = 3, among: tuple[Effect, ...] = EFFECTS
+) -> tuple[Drawn, ...]:
     """Draw 1 to `most` effects of different names, each between its weakest and its strongest."""
     number = int(rng.integers(1, most + 1))
-    chosen = sorted(rng.choice(len(EFFECTS), number, replace=False).tolist())
+    chosen = sorted(rng.choice(len(among), number, replace=False).tolist())
     out = []
     for k in chosen:
-        low, *_, high = EFFECTS[k].strengths
+        low, *_, high = among[k].strengths
         strength = float(np.exp(rng.uniform(np.log(low), np.log(high))))
         # a counter has the lengths that counters have
-        if EFFECTS[k].apply is wrap:
-            strength = float(rng.choice(EFFECTS[k].strengths))
-        out.append(Drawn(EFFECTS[k], strength))
+        if among[k].apply is wrap:
+            strength = float(rng.choice(among[k].strengths))
+        out.append(Drawn(among[k], strength))
     return tuple(out)
 
 
