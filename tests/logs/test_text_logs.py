@@ -250,6 +250,27 @@ def test_bad_lines_are_counted_and_named(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("suffix", [".asc", ".log", ".csv", ".trc"])
+def test_a_byte_order_mark_is_no_damage(suffix: str, tmp_path: Path) -> None:
+    """At the beginning, and where a file was joined to another: no frame is lost by it."""
+    plain = tmp_path / f"plain{suffix}"
+    write_with_python_can(plain, micro(FRAMES), START)
+    data = plain.read_bytes()
+    log = read(tmp_path / f"marked{suffix}", b"\xef\xbb\xbf" + data)
+    assert ([*log], log.damage) == ([*open_log(plain)], None)
+    log = read(tmp_path / f"joined{suffix}", 2 * (b"\xef\xbb\xbf" + data))
+    assert (sum(1 for _ in log), log.damage) == (2 * sum(1 for _ in open_log(plain)), None)
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".log", ".csv", ".trc"])
+def test_a_gzipped_log_needs_no_suffix(suffix: str, tmp_path: Path) -> None:
+    """As recorders rotate them: the first bytes say it."""
+    plain = tmp_path / f"plain{suffix}"
+    write_with_python_can(plain, micro(FRAMES), START)
+    log = read(tmp_path / f"packed{suffix}", gzip.compress(plain.read_bytes()))
+    assert ([*log], log.damage) == ([*open_log(plain)], None)
+
+
 def test_a_gzip_stream_that_breaks_off_is_reported(tmp_path: Path) -> None:
     """Half a .log.gz gives its whole lines and says that the rest is missing."""
     data = gzip.compress((CANDUMP * 1000).encode())

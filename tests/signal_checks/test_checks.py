@@ -9,7 +9,7 @@ from canid.signals.signal_checks import own_motion, signal_checks
 from canid.signals.signal_checks.check import UNIT_FACTORS, unit_of
 from canid.values.types import Driver
 from tests.seeds import mostly
-from tests.signal_checks.synthetic import Array, Columns, changed, findings, following, samples
+from tests.signal_checks.synthetic import Array, Columns, changed, findings, following, samples, smooth
 
 OTHERS = ("gnss_speed", "wheel_speed", "accel")
 
@@ -78,6 +78,17 @@ def test_a_coarse_radar_is_no_held_one(seed: int) -> None:
         name: np.rint(columns[name] / step) * step for name, step in (("gap", 0.5), ("range_rate", 0.25))
     }
     assert findings(columns) == ()
+
+
+@pytest.mark.parametrize("step", [0.1, 0.125])
+@mostly(0.95)
+def test_a_coarse_radar_without_noise_is_no_held_one(step: float, seed: int) -> None:
+    """It stands still where it turns, and moves over the values between two turns."""
+    columns = following(seed, 8.0)
+    rate = smooth(len(columns["gap"]), 1.5, np.random.default_rng([seed, 1]))
+    columns["gap"] = 40.0 + np.cumsum(0.1 * (rate - rate.mean()))
+    columns["range_rate"] = np.rint((rate - rate.mean()) / step) * step
+    assert "range_rate_repeated" not in {one.name for one in findings(columns)}
 
 
 @mostly(0.95)

@@ -140,3 +140,29 @@ def test_a_dialect_is_the_same_drive(tmp_path: Path, case: int, seed: int) -> No
     drawn_path.write_bytes(written(dialect, names, units, holes))
     plain_path.write_bytes(written(plain, {role: role for role in roles}, units, rows))
     assert frames(open_table(drawn_path)) == frames(open_table(plain_path)), dialect
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+def test_row_names_of_r_move_no_column(tmp_path: Path, delimiter: str, seed: int) -> None:
+    """`write.table` has a name less than cells, and the rows of a part of a table count from any number."""
+    rows = [(t, cells.split(",")) for t, cells in drive(seed, 400)]
+    head = [f'"{name}"' for name in ("time", "speed", "gap", "range_rate", "pedal")]
+    lines = [delimiter.join(head)]
+    lines += [delimiter.join((f'"{k + 37}"', f"{t:.3f}", *cells)) for k, (t, cells) in enumerate(rows)]
+    path, plain = tmp_path / "r.txt", tmp_path / "plain.csv"
+    path.write_text("\n".join(lines) + "\n")
+    plain.write_text(
+        "\n".join([",".join(head), *(",".join((f"{t:.3f}", *cells)) for t, cells in rows)]) + "\n"
+    )
+    assert frames(open_table(path)) == frames(open_table(plain))
+
+
+@pytest.mark.parametrize("mark", ["# ", "#", "% ", "%"])
+def test_a_header_in_a_comment(tmp_path: Path, mark: str, seed: int) -> None:
+    """As numpy and MATLAB write it: the first name is not another one."""
+    body = "\n".join(f"{t:.3f},{cells}" for t, cells in drive(seed, 100)) + "\n"
+    read = []
+    for name, begin in (("x.csv", mark), ("y.csv", "")):
+        (tmp_path / name).write_text(f"{begin}time,speed,gap,range_rate,pedal\n{body}")
+        read.append(frames(open_table(tmp_path / name)))
+    assert read[0] == read[1]

@@ -35,6 +35,7 @@ SAID = {
     "Zeitlücke [s]": "headway",
     "Zeit [s]": "time",
     "Temps": "time",
+    "Tempo (s)": "time",
     "Fahrpedalstellung [%]": "pedal",
     "position de la pédale d'accélérateur": "pedal",
     "pedale acceleratore": "pedal",

@@ -64,6 +64,7 @@ DATES = {
     "weekday": ("time", "%a %d %b %Y %H:%M:%S.%L"),
     "month's name first": ("time", '"%b %d, %Y %H:%M:%S.%L"'),
     "ISO": ("time", "%Y-%m-%dT%H:%M:%S.%LZ"),
+    "ISO, UTC": ("time", "%Y-%m-%d %H:%M:%S.%L UTC"),
     "year first, with points": ("time", "%Y.%m.%d %H:%M:%S.%L"),
     "a column of dates alone": ("date", "%d.%m.%Y %H:%M:%S.%L"),
     "two columns, ISO": ("Date,Time", "%Y-%m-%d,%H:%M:%S.%L"),
@@ -148,6 +149,21 @@ def test_episodes_of_a_minute_are_no_counter(tmp_path: Path, seed: int) -> None:
     rows = [row for k in range(4) for row in drive(seed + k, 600)]
     with pytest.raises(ConfigError, match="holds several drives"):
         opened(tmp_path / "x.csv", "time [s]", rows, lambda t: f"{t:.3f}")
+
+
+@pytest.mark.parametrize("minute", [15, 58])
+@pytest.mark.parametrize("mark", [".", ","])
+def test_minutes_and_seconds_as_spreadsheets_show_them(
+    tmp_path: Path, minute: int, mark: str, seed: int
+) -> None:
+    """15:00.0, which says no hour: the frames of times in s, over a full hour as well."""
+    rows = drive(seed)
+    start = datetime(2026, 8, 5, 8, minute, tzinfo=UTC)
+    table = opened(
+        tmp_path / "x.csv", "Time", rows, lambda t: f'"{at("%M:%S.%L", start)(t)[:-2]}"'.replace(".", mark)
+    )
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    assert table.log.start_ns is None
 
 
 @pytest.mark.parametrize("pattern", ["%H:%M:%S.%L", "%Y-%m-%d %H:%M:%S.%L", "%d.%m.%Y %H:%M:%S.%L"])

@@ -31,7 +31,7 @@ _WORDS: dict[str, str] = {
     "place": "position pos stellung winkel posicion posizione",
     "brake": "brake braking bremse brems frein freno",
     "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
-    "time": "time t zeit uhrzeit zeitstempel temps tiempo",
+    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo",
     "stamp": "stamp stempel",
     "headway": "headway",
     "satellite": "gps gnss",

@@ -188,18 +188,13 @@ def _judged(t: Array, name: str) -> tuple[str, str]:
             return unit, ""
     steps = np.diff(known)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    state = f"state the unit as {name.rpartition(': ')[2]} [s] where that is wrong"
     if _STEPS_OF_DAYS[0] < step < _STEPS_OF_DAYS[1] and np.ptp(known) < 1.0:
-        return (
-            "d",
-            f"{name}: steps of {step:.3g}: taken as days; state the unit as {name} [s] where that is wrong",
-        )
+        return "d", f"{name}: steps of {step:.3g}: taken as days; {state}"
     if step > 1e6:
         return "ns", f"{name}: steps of {step:g}: taken as nanoseconds"
     if step > _LONG_STEP:
-        return (
-            "ms",
-            f"{name}: steps of {step:g}: taken as milliseconds; state the unit as {name} [s] where that is wrong",
-        )
+        return "ms", f"{name}: steps of {step:g}: taken as milliseconds; {state}"
     return "s", ""
 
 
@@ -256,8 +251,9 @@ def _ns(text: str) -> int | None:
         return of_day
     if digits := _DIGITS.fullmatch(text):
         text = f"{digits['date']}T{digits['time']}{digits['zone']}"
+    text = text.replace(" UTC", "Z").replace("/", "-")
     try:
-        stamp = datetime.fromisoformat(text.replace(" UTC", "Z").replace("/", "-"))
+        stamp = datetime.fromisoformat(text)
     except ValueError:
         return None
     if stamp.tzinfo is None:

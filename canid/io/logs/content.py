@@ -22,6 +22,8 @@ _BEGIN_BYTES = 65_536
 _MAX_LINES = 200
 # how `candump -c` switches colors
 COLOR = re.compile(r"\x1b\[[\d;]{0,16}m")
+# the first bytes of RFC 1952, with deflate, the one method that there is
+_GZIP = b"\x1f\x8b\x08"
 _MARKS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"), (b"\xef\xbb\xbf", "utf-8"))
 # words of a header, in lower case, without blanks and what is in brackets, by which lists of CAN frames are known
 _IDS = {
@@ -46,13 +48,24 @@ def encoding(begin: bytes) -> tuple[str, int]:
     return next(((name, len(mark)) for mark, name in _MARKS if begin.startswith(mark)), ("latin-1", 0))
 
 
+def is_gzip(path: Path) -> bool:
+    """Whether a file is gzipped, by its suffix or its first bytes, as logs that a recorder rotates are.
+
+    Raises OSError.
+    """
+    if path.suffix.lower() == ".gz":
+        return True
+    with path.open("rb") as file:
+        return file.read(len(_GZIP)) == _GZIP
+
+
 def first_lines(path: Path) -> list[str]:
     """The first lines of a text file that are not blank, without colors; plain or gzipped, in whatever encoding.
 
     Raises OSError.
     """
     try:
-        with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
+        with gzip.open(path, "rb") if is_gzip(path) else path.open("rb") as file:
             begin = file.read(_BEGIN_BYTES)
     except (EOFError, zlib.error, gzip.BadGzipFile):
         return []

@@ -19,8 +19,6 @@ from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID, WantedI
 from canid.values.types import Columns, Flag
 
 _COLUMN_NAMES = "timestamp,arbitration_id,extended,remote,error,dlc,data"
-# a byte order mark, each of its bytes one character
-_MARK = "\xef\xbb\xbf"
 # as Python writes floats and hexadecimal numbers; int() and float() take more, such as underscores
 _TIME_WORD = re.compile(r"\d{1,20}(\.\d{1,20})?(e[+-]?\d{1,3})?")
 _ID_WORD = re.compile(r"0x[0-9a-f]{1,8}", re.IGNORECASE)
@@ -33,7 +31,7 @@ def read_csv(path: Path, state: ReadState, wanted: WantedIds | None = None) -> I
 
 
 def _take(text: str, line: Line) -> Row | str:
-    if text.removeprefix(_MARK) == _COLUMN_NAMES:
+    if text == _COLUMN_NAMES:
         return "header lines"
     try:
         ns, id_, data, flags, length = _parse(text)

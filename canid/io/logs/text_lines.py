@@ -15,7 +15,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.io.logs.content import encoding
+from canid.io.logs.content import encoding, is_gzip
 from canid.io.logs.damage import DamagedSpans
 from canid.io.logs.reader_state import ReadState
 from canid.values.errors import LogError
@@ -40,6 +40,8 @@ _LINE_FEED = 10
 # lines of so few bytes, of which a usual log has hardly any, are tested for blanks together
 _SHORT_LINE, _MANY_SHORT = 16, 64
 _VISIBLE = np.array([not chr(k).isspace() for k in range(256)])
+# UTF-8's byte order mark, each of its bytes one character
+_MARK = "\xef\xbb\xbf"
 _BOMB = f"it unpacks to more than {MAX_UNPACKED_RATIO} times its size; unpack it with gunzip, and read that, if it should"
 
 
@@ -132,7 +134,7 @@ def blocks_and_long_lines(
 ) -> Iterator[Block | LongLine]:
     """As `blocks`; but a longer line comes where it stands, and the caller counts it."""
     with open(path, "rb") as raw:
-        zipped = path.suffix.lower() == ".gz"
+        zipped = is_gzip(path)
         file = opened_text(gzip.GzipFile(fileobj=raw) if zipped else raw)
         zipped = zipped or isinstance(file, _Transcoded)
         number, rest, size, at = 1, b"", FIRST_BLOCK_BYTES, 0
@@ -267,9 +269,9 @@ def lines(path: Path, state: ReadState, count: LineCount) -> Iterator[Line]:
 
 
 def line(block: Block, k: int, begin: int, end: int) -> Line:
-    """The block's line `k`, from byte `begin` to `end`."""
+    """The block's line `k`, from byte `begin` to `end`, without a byte order mark: joined files have one within."""
     data = block.data[begin:end]
-    text = data.decode("latin-1").rstrip("\r\n")
+    text = data.decode("latin-1").rstrip("\r\n").removeprefix(_MARK)
     return Line(text, block.number + k, data.endswith(b"\n"), block.at + begin, block.at + end)
 
 

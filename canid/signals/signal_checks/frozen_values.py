@@ -34,8 +34,10 @@ COARSE_SPEED_STEP, MIN_SPEED_STEPS = 0.25, 3
 UNUSUAL_FACTOR, KNOWN_BLOCKS = 6, 60
 # s; an unusual repeat that nothing else contradicts
 MIN_UNUSUAL_S = 8.0
-# samples of a held value, steps between such values that are kept, and needed
+# samples of a held value, steps between such values that are kept, and needed; samples by which one follows the other, as
+# one may be interpolated: a coarse signal stands still where it turns, and moves in between
 HELD_SAMPLES, KEPT_STEPS, NEEDED_STEPS = 3, 24, 16
+MAX_APART = HELD_SAMPLES + 1
 # times the smallest step: a coarse signal goes from one value to the next, what is held jumps over some
 JUMP_FACTOR = 2.5
 # of the steps, that must be jumps; and of the samples of a second, that must be repeats
@@ -55,7 +57,8 @@ class Watch(NamedTuple):
     way: float = 0.0  # integral over the run of what should move it
     low: float = 0.0  # smallest and largest of it
     high: float = 0.0
-    held: float = NAN  # the last value that was held
+    held: float = NAN  # the last value that was held; NaN: it has moved since
+    apart: int = 0  # samples since then
     steps: tuple[float, ...] = ()  # sizes of the latest steps between held values
     first: Annotated[float, TIME] = NAN  # s, of the first of them
 
@@ -154,20 +157,21 @@ def _says(watch: Watch, role: str, pedal: tuple[float, float]) -> str:
 def _held(watch: Watch, column: int, block: Block) -> Watch:
     """Note the steps between values that are held; a second in which most values are new ends the count."""
     if not _may_move(column, block):
-        return watch
+        return watch._replace(held=NAN)
     x = block.values[:, column]
-    same = x[1:] == x[:-1]
-    if np.count_nonzero(same) < REPEAT_SHARE * len(same):
-        return watch if not watch.steps else watch._replace(steps=watch.steps[1:])
-    held, steps, first, count = watch.held, watch.steps, watch.first, 1
-    for value, repeats in zip(x[1:].tolist(), same.tolist(), strict=True):
+    same = np.concatenate([[False], x[1:] == x[:-1]])
+    if np.count_nonzero(same) < REPEAT_SHARE * (len(same) - 1):
+        return watch._replace(held=NAN, steps=watch.steps[1:])
+    held, apart, steps, first, count = watch.held, watch.apart, watch.steps, watch.first, 0
+    for value, repeats in zip(x.tolist(), same.tolist(), strict=True):
         count = count + 1 if repeats else 1
+        apart = 0 if value == held else apart + 1
         if count == HELD_SAMPLES:
-            if abs(value - held) > ROUNDING * (1.0 + abs(value)):
+            if apart <= MAX_APART and abs(value - held) > ROUNDING * (1.0 + abs(value)):
                 first = first if steps else block.t
                 steps = (*steps, abs(value - held))[-KEPT_STEPS:]
-            held = value
-    return watch._replace(held=held, steps=steps, first=first)
+            held, apart = value, 0
+    return watch._replace(held=held, apart=apart, steps=steps, first=first)
 
 
 def _is_held(watch: Watch) -> bool:

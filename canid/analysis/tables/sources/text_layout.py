@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from canid.analysis.tables import time_column
@@ -62,11 +63,11 @@ def split(line: str, delimiter: str) -> list[str]:
     """The cells of one line.
 
     Example:
-        >>> split('a,"b,c"', ","), split("1  2", "")
+        >>> split('a,"b,c"', ","), split('"1"  2', "")
         (['a', 'b,c'], ['1', '2'])
     """
     if not delimiter:
-        return line.split()
+        return [cell.strip('"') for cell in line.split()]
     try:
         return [
             cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
@@ -110,9 +111,10 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
     if best is None:
         raise LogError(f"{name}: {_missing(lines)}")
     header, k, delimiter = best
-    if lines[k].startswith("#"):
+    # a comment by the rules of Python or MATLAB
+    if lines[k].startswith(("#", "%")):
         header = header._replace(
-            names=[_plain(cell) for cell in split(lines[k].lstrip("#").lstrip(), delimiter)]
+            names=[_plain(cell) for cell in split(lines[k].lstrip("#%").lstrip(), delimiter)]
         )
     if len(header.names) > MAX_COLUMNS:
         raise LogError(f"{name}: has {len(header.names):,} columns; at most {MAX_COLUMNS:,} are read")
@@ -155,7 +157,22 @@ def _header(rows: list[list[str]], k: int) -> _Header | None:
     # a last delimiter without a cell is no cell
     if abs(len(rows[first]) - len(names)) > 1:
         return None
+    if _row_names(rows[first:], len(names)):
+        names = ["", *names]
     return _Header((int(time >= 0), len(filled), -k), names, texts, first)
+
+
+def _row_names(rows: list[list[str]], width: int) -> bool:
+    """Whether rows have a first cell without a heading that counts them, as R writes tables.
+
+    >>> _row_names([["1", "0.0", "20"], ["2", "0.1", "21"], ["3", "0.2", "21"]], 2)
+    True
+    >>> _row_names([["0.0", "20", "a"], ["0.1", "21", "b"], ["0.2", "21", "c"]], 2)
+    False
+    """
+    cells = [row[0] for row in rows if len(row) == width + 1 and row[-1]]
+    numbers = [int(cell) for cell in cells if cell.isdecimal()]
+    return len(cells) >= 2 and len(numbers) == len(cells) and all(b - a == 1 for a, b in pairwise(numbers))
 
 
 def _is_row(cells: list[str], time: int) -> bool:

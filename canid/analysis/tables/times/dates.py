@@ -21,6 +21,8 @@ _DATE = r"""(?:[^\W\d_]{2,9}\.?,?\ )?(?:
     | (?P<name>[^\W\d_]{3,9})\.?\ (?P<named>\d{1,2}),?\ (?P<long>\d{4})
     )"""
 _ZONE = r"(?:\ ?(?P<zone>(?:UTC|GMT)?[+-]\d\d:?\d\d|UTC|GMT|Z))?"
+# as spreadsheets show times of less than an hour, and lap timers: minutes, seconds and a fraction
+_MINUTES = re.compile(r"(?P<m>\d{1,4}):(?P<s>[0-5]\d[.,]\d+)")
 _CLOCK = re.compile(_TIME, re.VERBOSE | re.IGNORECASE)
 _WRITTEN = re.compile(rf"{_DATE}(?:(?:T|,?\ ){_TIME}{_ZONE})?", re.VERBOSE | re.IGNORECASE)
 _DAY_NS = 86_400 * NS_PER_S
@@ -117,12 +119,16 @@ def _month(name: str) -> int:
 
 
 def clock_ns(text: str) -> int | None:
-    """Nanoseconds since midnight of a time of day without a date; None: it is none.
+    """Nanoseconds since midnight of a time of day without a date, or of minutes and seconds; None: it is none.
 
     Example:
         >>> clock_ns("00:00:01.5"), clock_ns("12:00 AM"), clock_ns("12:30"), clock_ns("05.08.2026 12:30:00")
         (1500000000, 0, None, None)
+        >>> clock_ns("12:30.5")
+        750500000000
     """
+    if minutes := _MINUTES.fullmatch(text):
+        return round((int(minutes["m"]) * 60 + float(minutes["s"].replace(",", "."))) * 1e9)
     match = _CLOCK.fullmatch(text)
     # without seconds and half of the day it may be minutes and seconds
     return _of_day(match) if match is not None and (match["s"] or match["half"]) else None

@@ -193,7 +193,7 @@ class _Reading:
 
     def _header_line(self, item: Line, singles: _SingleLines, k: int, fixed: LineColumns) -> str:
         """Process a line without a time; returns its kind, "" where it is none of the format. Raises DamagedLogError."""
-        text = item.text.strip().removeprefix("\xef\xbb\xbf").lstrip()
+        text = item.text.strip()
         exact = text[len(EXACT_START_PREFIX) :] if text.startswith(EXACT_START_PREFIX) else ""
         header, kind = self._header, _HEADER_KIND
         try:
