@@ -87,15 +87,19 @@ def test_a_response_that_is_left_over_withholds_the_delays_of_both() -> None:
 
 
 def test_a_gain_with_more_left_over_than_it_gives_is_not_quoted() -> None:
-    """Of 0.40 with 125 % left over and 0.20 neither is quoted, and the diagnosis may quote what excludes the first."""
+    """Of 0.40 with 125 % left over and 0.20 neither is quoted, nor what a diagnosis without a cause says of it."""
     one, other, says = judged(found(band(0.31, 0.49), left=1.25), found(band(0.14, 0.30)))
     assert one.status is Identifiable.NOT
     assert other.status is Identifiable.NOT
     assert "more of a response than the model gives (125 %)" in says
     assert "no point in common" not in says
     made = arbitrated({"armax": found(band(0.14, 0.30)), "fopdt": found(band(0.31, 0.49), left=1.25)})
-    left, why = diagnosed({NAME: Channel(band(0.10, 0.22), status=Identifiable.GAIN_ONLY)}, made, False)
-    assert quotable(left[NAME], "K"), why
+    mine = {NAME: Channel(band(0.10, 0.22), status=Identifiable.GAIN_ONLY)}
+    left, why = diagnosed(mine, made, extended=False)
+    assert not quotable(left[NAME], "K")
+    assert "the residuals of fopdt still hold a response of 125 %" in why[0]
+    # a cause may be what they hold
+    assert diagnosed(mine, made, extended=True) == (mine, ())
     # less than that withholds delays alone
     one, _, _ = judged(found(band(0.31, 0.49), left=0.9), found(band(0.30, 0.45)))
     assert one.status is Identifiable.GAIN_ONLY
@@ -119,13 +123,24 @@ def test_the_diagnosis_is_one_of_the_methods() -> None:
     mine = {NAME: Channel(band(5, 7), tau_plus_dead_time=band(0.5, 1.0), status=Identifiable.SUM_ONLY)}
     left, says = diagnosed(mine, {"fopdt": found(band(1, 2)), "armax": None}, extended=True)
     assert left[NAME].status is Identifiable.NOT
-    assert "6.00 [5.00, 7.00] by diagnose but 1.50 [1.00, 2.00] by fopdt" in says[0]
+    assert "1.50 [1.00, 2.00] by fopdt but 6.00 [5.00, 7.00] by diagnose" in says[0]
     agreeing = {"fopdt": found(band(5, 7), left=0.9)}
     assert diagnosed(mine, agreeing, extended=False)[0][NAME].status is Identifiable.GAIN_ONLY
     # causes that the estimators have not explain what those leave
     assert diagnosed(mine, agreeing, extended=True) == (mine, ())
     changed = {"fopdt": found(band(5, 7), status=Identifiable.NOT)._replace(details={"changes": ("one",)})}
     assert diagnosed(mine, changed, extended=False)[0][NAME].status is Identifiable.NOT
+
+
+@pytest.mark.parametrize(
+    ("fit", "left", "quoted"), [(-18.0, 0.0, False), (30.0, 0.9, False), (30.0, 0.1, True)]
+)
+def test_a_gain_of_the_diagnosis_that_nobody_confirms(fit: float, left: float, quoted: bool) -> None:
+    """It has the rule of every other method, as long as no cause is named."""
+    mine = {NAME: Channel(band(1, 2), status=Identifiable.GAIN_ONLY)}
+    unsure = found(band(-1, 4), fit=fit, left=left, status=Identifiable.NOT)
+    assert quotable(diagnosed(mine, {"fopdt": unsure}, extended=False)[0][NAME], "K") is quoted
+    assert quotable(diagnosed(mine, {"fopdt": unsure}, extended=True)[0][NAME], "K")
 
 
 def test_steering_uses_armax() -> None:
@@ -155,7 +170,8 @@ def contradicted(trace: Trace) -> list[tuple[str, ...]]:
     """What two of FOPDT, ARMAX and the diagnosis may both quote of a drive, though they exclude each other."""
     whole = canid.identify(trace, select_orders=False, sliding=False).whole
     methods = {name: of.channels for name, of in whole.items() if of is not None}
-    methods["diagnose"] = canid.diagnose(trace).extended.channels
+    report = canid.diagnose(trace)
+    methods["diagnose"] = report.extended.channels
     delays = {
         name: {key for key, c in of.items() if quotable(c, "tau_plus_dead_time")}
         for name, of in methods.items()
@@ -170,6 +186,16 @@ def contradicted(trace: Trace) -> list[tuple[str, ...]]:
     steering = bool(agreement.wrong_for(trace.input_names))
     if left and not steering:
         out += [("armax", key, "a response is left over") for key in delays.get("armax", ())]
+    if fopdt is not None and fopdt.residual_tests is not None and not steering:
+        # a cause may be what is left over
+        explained = {"diagnose"} if any(finding.where == "driver" for finding in report.findings) else set()
+        gains = plausibility.gains_left_over(fopdt.residual_tests)
+        quoted = [(name, key) for name in methods.keys() - explained for key in gains]
+        out += [
+            (name, key, "more is left over than the model gives")
+            for name, key in quoted
+            if quotable(methods[name][key], "K")
+        ]
     return out
 
 

@@ -9,7 +9,7 @@ here each parameter of each input is judged for itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from itertools import combinations
 
 from canid.mathematics.estimators import agreement, plausibility
@@ -39,8 +39,10 @@ DIAGNOSIS = "diagnose"
 CHANGED = "the gains changed during the drive: none of these holds for all of it"
 
 
-def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
-    """Withhold what estimators contradict each other in, and say what each would need to be right.
+def arbitrated(
+    whole: Mapping[str, WholeDrive | None], explained: Collection[str] = ()
+) -> dict[str, WholeDrive | None]:
+    """Withhold what methods contradict each other in, and say what each would need to be right.
 
     Disjoint intervals count, of those that a method may quote by its own residuals: where more of a response is left over
     than the model gives, it may not (`plausibility.MAX_LEFT_OVER_OF_GAIN`). So does a gain that only one of them may quote,
@@ -48,7 +50,8 @@ def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive |
     a delay (`plausibility.MAX_LEFT_OVER`): with such a response no answer of first order has delays, whoever fitted it.
 
     Args:
-        whole: estimator -> its result; None: it has none.
+        whole: method -> its result; None: it has none.
+        explained: methods whose causes explain what the residuals of others hold and what changes for them.
     """
     out = {name: _without_gains_left_over(result) for name, result in whole.items()}
     made = {name: result for name, result in out.items() if result is not None}
@@ -56,8 +59,9 @@ def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive |
     wrong = agreement.wrong_for(inputs)
     for method, says in ((name, _left_over(result)) for name, result in made.items()):
         # steering is of higher order: there it speaks against the estimator of first order alone
-        for name in out if not wrong else wrong & {method}:
-            out[name] = _without_delays(out[name], says)
+        for name in set(out if not wrong else wrong & {method}) - set(explained):
+            of_other = says.replace("the residuals", f"the residuals of {method}")
+            out[name] = _without_delays(out[name], says if name == method else of_other)
     for a, b in combinations(agreement.by_headline(made, inputs), 2):
         for name, what in disjoint(made[a].channels, made[b].channels):
             key = (a, b, name, what)
@@ -72,11 +76,12 @@ def arbitrated(whole: Mapping[str, WholeDrive | None]) -> dict[str, WholeDrive |
                 out[method] = _without(out[method], name, what, reason)
         if not {a, b} & wrong:
             for method, other in ((a, b), (b, a)):
-                for name, reason in _unconfirmed(made, method, other):
-                    out[method] = _without(out[method], name, "K", reason)
+                if method not in explained:
+                    for name, reason in _unconfirmed(made, method, other):
+                        out[method] = _without(out[method], name, "K", reason)
     for reason in _drifts(made):
         out = {name: _without_delays(result, reason) for name, result in out.items()}
-    return _with_changes(out)
+    return _with_changes(out, explained)
 
 
 def without_delays(
@@ -116,25 +121,11 @@ def diagnosed(
     >>> left["range_rate"].status.value, why[0].partition(":")[0]
     ('not_identifiable', 'range rate')
     """
-    mine = without_delays({DIAGNOSIS: WholeDrive(channels)}, findings)[DIAGNOSIS]
-    for name, result in whole.items():
-        if result is None or name in agreement.wrong_for(channels):
-            continue
-        if not extended:
-            # of that method's model: the residuals of the diagnosis have tests of their own
-            left = _left_over(result).replace(
-                "the residuals still", f"the residuals of {name} in identify still"
-            )
-            mine = _without_delays(mine, left)
-        for channel, what in disjoint(channels, result.channels):
-            says = agreement.both((DIAGNOSIS, name, channel, what), channels, result.channels)
-            mine = _without(mine, channel, what, _neither(says, (DIAGNOSIS, name)))
-        if result.details.get("changes") and not extended:
-            mine = _without_all(mine, CHANGED)
-        for reason in _drifts({name: result}):
-            mine = _without_delays(mine, reason)
-    assert mine is not None
-    return dict(mine.channels), mine.lines
+    others = {name: result for name, result in whole.items() if name not in agreement.wrong_for(channels)}
+    mine = without_delays({DIAGNOSIS: WholeDrive(channels)}, findings)
+    out = arbitrated({**others, **mine}, {DIAGNOSIS} if extended else ())[DIAGNOSIS]
+    assert out is not None
+    return dict(out.channels), out.lines
 
 
 def _neither(says: str, methods: tuple[str, str]) -> str:
@@ -240,11 +231,15 @@ def _said(result: WholeDrive, channels: Mapping[str, Channel], reason: str) -> W
     )
 
 
-def _with_changes(whole: dict[str, WholeDrive | None]) -> dict[str, WholeDrive | None]:
+def _with_changes(
+    whole: dict[str, WholeDrive | None], explained: Collection[str]
+) -> dict[str, WholeDrive | None]:
     """Where one method finds that the gains changed, nothing that another says of the whole drive may be quoted."""
     if not any(result.details.get("changes") for result in whole.values() if result is not None):
         return whole
     return {
-        name: result if result is None or result.details.get("changes") else _without_all(result, CHANGED)
+        name: result
+        if result is None or name in explained or result.details.get("changes")
+        else _without_all(result, CHANGED)
         for name, result in whole.items()
     }
