@@ -63,15 +63,20 @@ def outcomes(job: Job) -> list[Outcome]:
         except CanidError:
             out.append(Outcome(job, place, strength, (), ("refused",), None, ()))
             continue
-        found = quoted(drive_parameters.whole_drive(given), drive.truth)
+        found = _judged(quoted(drive_parameters.whole_drive(given), drive.truth))
         names = tuple(dict.fromkeys(each.name for each in given.findings))
         said, causes = None, tuple[str, ...]()
         if job.diagnosed:
             report = canid.diagnose(given)
-            said = quoted(report.extended, drive.truth)
+            said = _judged(quoted(report.extended, drive.truth))
             causes = tuple(each.effect for each in report.findings)
         out.append(Outcome(job, place, strength, found, names, said, causes))
     return out
+
+
+def _judged(numbers: Sequence[Quoted]) -> tuple[Quoted, ...]:
+    """Numbers with a truth: three lags and a dead time are no one lag and dead time, their sum is."""
+    return tuple(each for each in numbers if each.parameter in ("K", "tau_plus_dead_time"))
 
 
 def rows(found: Sequence[Outcome]) -> Iterator[str]:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import canid
 from canid.mathematics.estimators import armax_whole_drive
 from canid.mathematics.identification.armax.armax_batch import Orders
+from canid.values.findings import Verdict
 from canid.values.types import QUOTED, LearnGate, Trace
 from tests.plants.planted_drive import Array
 from tests.seeds import mostly
@@ -43,19 +45,36 @@ def loop(memory: float, rng: np.random.Generator) -> tuple[Array, Array]:
     return angle, offset
 
 
+def drive(angle: Array, offset: Array) -> Trace:
+    """The two as canid's sampler gives them."""
+    return Trace(
+        STEP, STEP * np.arange(N), angle, offset[:, None], ("lateral_offset",), (LearnGate.OPEN,) * N,
+        np.ones(N, dtype=bool), np.zeros(N, dtype=np.int64), {"steering_angle": angle, "lateral_offset": offset},
+    )  # fmt: skip
+
+
 @pytest.mark.slow("fits drives of 10 min")
 @pytest.mark.parametrize("memory", [0.06, 0.3, 1.0])
 @mostly(0.93)
 def test_its_interval_holds_whatever_the_noise(memory: float, seed: int) -> None:
     """Where it is quoted: ARMAX(2,2,1) shares the poles of answer and noise, and in a loop that moves the gain."""
-    angle, offset = loop(memory, np.random.default_rng(seed))
-    t = STEP * np.arange(N)
-    drive = Trace(
-        STEP, t, angle, offset[:, None], ("lateral_offset",), (LearnGate.OPEN,) * N, np.ones(N, dtype=bool),
-        np.zeros(N, dtype=np.int64), {"steering_angle": angle, "lateral_offset": offset},
-    )  # fmt: skip
-    found = armax_whole_drive.identify(drive, Orders())
+    found = armax_whole_drive.identify(drive(*loop(memory, np.random.default_rng(seed))), Orders())
     assert found is not None
     channel = found.channels["lateral_offset"]
     if "K" in QUOTED[channel.status]:
         assert channel.K.low < K < channel.K.high, channel
+
+
+@pytest.mark.slow("fits drives of 10 min")
+@pytest.mark.parametrize(("every", "shows"), [(2, True), (3, False), (5, False)])
+def test_a_wheel_that_comes_less_often_than_a_driver_answers_shows_no_gain(
+    every: int, shows: bool, seed: int
+) -> None:
+    """By neither method: in samples of 0.3 s the offset already holds what the wheel did since the last one."""
+    angle, offset = loop(0.06, np.random.default_rng(seed))
+    held = drive(angle[every * (np.arange(N) // every)], offset)
+    quoted = QUOTED[
+        canid.identify(held, select_orders=False, sliding=False).channels["lateral_offset"].status
+    ]
+    assert ("K" in quoted) == shows
+    assert (canid.diagnose(held, arbitrated=False).verdict is not Verdict.NOT_ENOUGH_DATA) == shows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.stats import binom
 
 from tests import seeds
 from tests.plants.outside_drives import SIMULATORS, drawn_drive
-from tests.plants.quoted_intervals import identified, quoted, trace, tried
+from tests.plants.quoted_intervals import Tried, identified, quoted, trace, tried, tried_lane
 from tests.plants.sensor_effects import EFFECTS, OUTPUT, Effect, drop, hold, limit, line, wrap
 
 # drawn combinations of a run: some 3 s each, of which a slow test may take half a minute
@@ -24,19 +25,23 @@ TOO_MANY = int(binom.isf(seeds.CHANCE / NUMBERS, COMBINATIONS, MISSED)) + 1
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("one_tried", [tried, tried_lane])
 @seeds.by_chance(NUMBERS * float(binom.sf(TOO_MANY - 1, COMBINATIONS, MISSED)))
-def test_drawn_combinations_never_make_a_wrong_number_quotable(seed: int) -> None:
+def test_drawn_combinations_never_make_a_wrong_number_quotable(
+    one_tried: Callable[[int], Tried], seed: int
+) -> None:
     """Up to three effects: as few misses as 95 % intervals have, and none farther than two half widths outside.
 
     The other half of the claim: what is good is quoted, or no number would be wrong.
     """
-    found = [tried((seed + k) % 10**7) for k in range(COMBINATIONS)]
+    found = [one_tried((seed + k) % 10**7) for k in range(COMBINATIONS)]
     misses = [(one.seed, [*map(str, one.effects)], [*map(str, one.misses)]) for one in found if one.misses]
     print(*misses, sep="\n")
     assert not [one.seed for one in found if any(miss.gross for miss in one.misses)]
     counted = Counter((miss.channel, miss.parameter) for one in found for miss in one.misses)
     assert max(counted.values(), default=0) < TOO_MANY
-    assert all(one.before for one in found)
+    # of a lane keeper on a straight road K is not always known
+    assert sum(bool(one.before) for one in found) >= (COMBINATIONS if one_tried is tried else 1)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from canid.models.diagnosis.rivals.ovrv import OVRV
 from canid.models.diagnosis.rivals.rival_model import RivalModel, RivalParameter
 from canid.values.types import Array
 
@@ -49,11 +50,6 @@ def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
 ACC = RivalModel(
     "ACC",
     "Milanés & Shladover 2014; Xiao, Wang & van Arem 2017",
-    (
-        RivalParameter("k1", "1/s²", 0.001, 1.0),
-        RivalParameter("k2", "1/s", 0.0, 2.0),
-        RivalParameter("s0", "m", 0.0, 40.0),
-        RivalParameter("T", "s", 0.1, 5.0),
-    ),
+    (*OVRV.parameters[:3], RivalParameter("T", "s", 0.1, 5.0)),
     acceleration,
 )

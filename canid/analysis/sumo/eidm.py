@@ -18,8 +18,8 @@ LEAST_GAP = 1e-3
 # least share of a that is left below the wanted speed: the exponent 2 a / a_free stays a number
 LEAST_FREE = 1e-6
 
-# those of IDM as well. In a traffic simulation the driver also stops at junctions: no gap at rest below 1 m, and no braking
-# more gently than 0.5 m/s², which would begin 200 m before a traffic light
+# those of IDM as well, and of Krauss but for b. In a traffic simulation the driver also stops at junctions: no gap at rest
+# below 1 m, and no braking more gently than 0.5 m/s², which would begin 200 m before a traffic light
 PARAMETERS = (
     RivalParameter("v0", "m/s", 5.0, 80.0),
     RivalParameter("T", "s", 0.1, 4.0),

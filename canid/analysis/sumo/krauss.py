@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from canid.analysis.sumo.eidm import PARAMETERS
 from canid.models.diagnosis.rivals.rival_model import RivalModel, RivalParameter
 from canid.values.types import Array
 
@@ -64,12 +65,6 @@ def acceleration(q: Array, gap: Array, speed: Array, lead: Array) -> Array:
 KRAUSS = RivalModel(
     "Krauss",
     "Krauss 1998",
-    (
-        RivalParameter("v0", "m/s", 5.0, 80.0),
-        RivalParameter("T", "s", 0.1, 4.0),
-        RivalParameter("s0", "m", 1.0, 15.0),
-        RivalParameter("a", "m/s²", 0.2, 4.0),
-        RivalParameter("b", "m/s²", 0.5, 8.0),
-    ),
+    (*PARAMETERS[:4], RivalParameter("b", "m/s²", 0.5, 8.0)),
     acceleration,
 )

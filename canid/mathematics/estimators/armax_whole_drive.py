@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from canid.mathematics.estimators import plausibility, pooling
+from canid.mathematics.estimators import output_stamps, plausibility, pooling
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification import feedback_bias, identifiability, residual_tests, rounding
 from canid.mathematics.identification.armax import (
@@ -41,13 +41,14 @@ ARX_S = (0.2, 0.3, 0.4, 0.6, 0.8, 1.1, LONG_AR_S)
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     """Fit all usable samples of a drive; None: too few data, or no stable model."""
     at_limit = any(gate is LearnGate.OUTPUT_LIMIT for gate in trace.gate)
+    several = len(trace.input_names) > 1
+    too_slow = "" if several else output_stamps.too_slow_to_steer(trace)
     trace = pooling.pooled(trace)
     usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
     fitted = _fitted(trace, usable, orders)
     if fitted is None:
         return None
     fit, tests = fitted
-    several = len(trace.input_names) > 1
     separate, which = _separate_poles(trace, usable) if several else None, tuple[str, ...]()
     if separate is not None:
         channels = separate.channels
@@ -61,7 +62,8 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         else separate.fit.fit_percent
     )
     verdict = plausibility.judge(channels, explained, plausibility.UNLIMITED)
-    reasons = (*verdict.refused, *([AT_LIMIT] if at_limit and not several else []))
+    limited = AT_LIMIT if at_limit and not several else ""
+    reasons = (*verdict.refused, *filter(None, (limited, too_slow)))
     if reasons:
         channels = dict.fromkeys(channels, Channel())
     elif at_limit:

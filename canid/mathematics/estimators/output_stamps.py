@@ -26,6 +26,9 @@ MAX_EVERY = 5
 BETWEEN_SHARE, OWN_SHARE = 0.95, 0.6
 # of all samples, likewise, where readings come at any instants, four samples apart or more
 IRREGULAR_SHARE = 0.5
+# s; of a wheel angle: a driver who steers answers after 0.12 s at the earliest (McRuer & Jex 1967: 0.1 to 0.2 s). In samples
+# farther apart the offset holds what the wheel did since the last one, and at 0.5 s K held on 1 of 3 drives
+MAX_STEERING_S = 0.2
 # finding of an output that is slower than the samples (signals/signal_checks/slow_signals.py)
 SLOW = "output_slow"
 # of the largest value, what floats make of a line, and of times that differ by less than a nanosecond
@@ -127,6 +130,19 @@ def standing(trace: Trace) -> tuple[SignalFinding, ...]:
     if stamps(trace.output, trace.learn) is None:
         return trace.findings
     return tuple(finding for finding in trace.findings if finding.name != SLOW)
+
+
+def too_slow_to_steer(trace: Trace) -> str:
+    """Why a wheel angle shows no answer of a driver who keeps the lane; "": it may.
+
+    Args:
+        trace: of a drive, at its output's own readings where they are known.
+    """
+    slow = any(finding.name == SLOW for finding in trace.findings)
+    # of a slow wheel whose readings are not known no sample is one
+    if trace.dt <= MAX_STEERING_S + FLOAT_ROUNDING and (not slow or trace.dt > 0.75 * MAX_STEERING_S):
+        return ""
+    return "the wheel angle comes too rarely: a driver answers an offset within its steps; record it at 10 Hz or more"
 
 
 def says(trace: Trace) -> str:

@@ -7,6 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
+from canid.mathematics.estimators import output_stamps
 from canid.models.diagnosis.corrections import Context, Corrected, TooLittleError
 from canid.models.diagnosis.driver import held_out
 from canid.models.diagnosis.driver.driver_intervals import episode_parameters
@@ -71,8 +72,10 @@ def prepare(corrected: Corrected) -> Baseline:
     Raises:
         TooLittleError: too little was measured, or the wheel answers nothing.
     """
-    trace, usable, steps = corrected.trace, corrected.usable, corrected.steps
+    steps = corrected.steps
+    trace, usable = output_stamps.at_own_stamps(corrected.trace, corrected.usable)
     missing = corrected.lacking or lane_fit.lacking(trace, usable, corrected.settings.minimum)
+    missing = missing or output_stamps.too_slow_to_steer(trace)
     if missing:
         raise TooLittleError(missing, steps)
     data = columns(trace, usable)
@@ -81,7 +84,7 @@ def prepare(corrected: Corrected) -> Baseline:
         raise TooLittleError("too few samples in a row in which a person keeps the lane", steps)
     if not lane_fit.answered(data, fitted):
         raise TooLittleError(NO_ANSWER, steps)
-    return Baseline(corrected, data, fitted)
+    return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted)
 
 
 def search(base: Baseline) -> Searched:

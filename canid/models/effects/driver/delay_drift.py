@@ -44,8 +44,8 @@ def grow(p: Params, seen: Seen) -> Value:
 
 # the same of a driver who keeps the lane
 LANE = EFFECT._replace(
-    rivals=(),
-    decides="a longer drive on a road on which wind or the surface moves the car",
+    # of the camera and the wheel: nothing is redundant with an offset
+    decides="wheel angle and offset stamped by one clock",
     dead_time=grow,
     parameters=(Parameter("rate", "s", -1.0, 1.0, (0.2, -0.2), 0.2),),
     found_at=((0.25,), (0.3,)),

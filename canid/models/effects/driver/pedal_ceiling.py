@@ -1,4 +1,4 @@
-"""Upper limit of the pedal: habit, or a limiter."""
+"""Upper limit of the pedal: habit, a limiter, or the end of what its sensor records."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def among_levels(drive: DriveFeatures) -> tuple[float, ...]:
 
 EFFECT = Effect(
     id="pedal_ceiling",
-    says="The pedal is never pressed beyond {level} %, whatever the situation demands.",
+    says="The pedal is never pressed beyond {level} %, or its record ends there, whatever the situation demands.",
     where="driver",
     kind=Kind.PARAMETRIC,
     parameters=(Parameter("level", "%", -100.0, 200.0, among_levels, 0.0, share_of=Share.TOP_PEDAL),),
     needs=(),
-    source="habit, or a speed or pedal limiter",
-    decides="a drive that demands more pedal",
+    source="habit, a speed or pedal limiter, or a sensor's range",
+    decides="a drive that demands more pedal, or an acceleration that rises while the pedal stands there: its record ends",
     pedal=PedalDynamics(init, step, column),
     detectors=(Detector.PEDAL_CEILING,),
     found_at=((0.85,), (0.75,)),

@@ -18,7 +18,7 @@ def sense(p: Params, true: SensorValues) -> SensorValues:
 
 EFFECT = Effect(
     id="clock_skew",
-    says="The clocks of the radar and of the car drift apart by {rate} s over the drive.",
+    says="The clocks of the radar or camera and of the car drift apart by {rate} s over the drive.",
     where="sensing",
     kind=Kind.REDUNDANCY,
     parameters=(Parameter("rate", "s", -3.0, 3.0, (), 0.3),),

@@ -20,7 +20,6 @@ from canid.ui.cli.options import options, report_option
 from canid.ui.cli.output import complete_files, outputs
 from canid.ui.terminal.messages import info, line_printer
 from canid.ui.terminal.progress import Progress, is_terminal
-from canid.values import bounded_numbers
 from canid.values.errors import DAMAGED, DONE, ConfigError, OutputError
 
 if TYPE_CHECKING:
@@ -44,7 +43,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from canid.analysis.fleet.job import Settings
 
-    default = Settings()
     parser.epilog = "canid fleet query|report|prior|causes|export --help: what is made of the results in DIR"
     parser.add_argument(
         "logs",
@@ -73,24 +71,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="what the names of folders are, such as '{car}/{driver}' or '{group}/*/{driver}'; "
         "default: {driver}, or {car}/{driver} where there are two",
     )
-    options.workers(parser)
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
-    )
-    parser.add_argument(
-        "--timeout",
-        type=bounded_numbers.span,
-        default=default.timeout_s,
-        metavar="TIME",
-        help="time that one log may take: 10min, 2h; default: 1h",
-    )
-    parser.add_argument(
-        "--memory",
-        type=bounded_numbers.size,
-        default=default.memory_bytes,
-        metavar="SIZE",
-        help="memory that one log may take: 500M, 8G; default: 4G",
-    )
+    options.jobs_of_a_fleet(parser, "one log", (Settings().timeout_s, "1h"))
     parser.add_argument(
         "--no-diagnosis", action="store_true", help="no diagnosis, which takes most of the time"
     )

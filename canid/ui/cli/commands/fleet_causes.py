@@ -23,7 +23,6 @@ DEFAULT_TIMEOUT_S = 4 * 3600.0
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     from canid.analysis.fleet.answers.joint_diagnosis import MAX_S
-    from canid.analysis.fleet.job import Settings
 
     parser.add_argument("folder", metavar="DIR", help="folder of canid fleet")
     parser.add_argument(
@@ -39,24 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="vehicle file or column map, where it is no longer where the run of canid fleet had it",
     )
     parser.add_argument("--vehicles", metavar="MAP.toml", help="mapping file, likewise")
-    options.workers(parser)
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
-    )
-    parser.add_argument(
-        "--timeout",
-        type=bounded_numbers.span,
-        default=DEFAULT_TIMEOUT_S,
-        metavar="TIME",
-        help="time that one driver may take: 10min, 2h; default: 4h",
-    )
-    parser.add_argument(
-        "--memory",
-        type=bounded_numbers.size,
-        default=Settings().memory_bytes,
-        metavar="SIZE",
-        help="memory that one driver may take: 500M, 8G; default: 4G",
-    )
+    options.jobs_of_a_fleet(parser, "one driver", (DEFAULT_TIMEOUT_S, "4h"))
 
 
 def run(args: argparse.Namespace) -> int:

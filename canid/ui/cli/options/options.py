@@ -162,3 +162,33 @@ def read_by(args: argparse.Namespace) -> list[str]:
     """All files that the command line names for reading: no output may be one of them."""
     named = [getattr(args, name, None) for name in ("log", "logs", "vehicle", "columns", "dbc")]
     return [each for value in named if value for each in (value if isinstance(value, list) else [value])]
+
+
+def jobs_of_a_fleet(parser: argparse.ArgumentParser, what: str, timeout: tuple[float, str]) -> None:
+    """--workers, --scheduler, --timeout and --memory: where jobs run, and what one may take.
+
+    Args:
+        parser: of the verb.
+        what: a job is, as in "one log".
+        timeout: default, in s and in words.
+    """
+    from canid.analysis.fleet.job import Settings
+
+    workers(parser)
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on Dask, on this scheduler: tls://host:8786"
+    )
+    parser.add_argument(
+        "--timeout",
+        type=bounded_numbers.span,
+        default=timeout[0],
+        metavar="TIME",
+        help=f"time that {what} may take: 10min, 2h; default: {timeout[1]}",
+    )
+    parser.add_argument(
+        "--memory",
+        type=bounded_numbers.size,
+        default=Settings().memory_bytes,
+        metavar="SIZE",
+        help=f"memory that {what} may take: 500M, 8G; default: 4G",
+    )

@@ -6,7 +6,7 @@ import argparse
 import os
 import secrets
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -52,8 +52,9 @@ def arguments(parser: argparse.ArgumentParser, what: str = "serve a live page") 
     )
 
 
-@contextmanager
-def session_page(args: argparse.Namespace, controls: Controls, *, live: bool) -> Iterator[list[LivePage]]:
+def session_page(
+    args: argparse.Namespace, controls: Controls, *, live: bool
+) -> AbstractContextManager[list[LivePage]]:
     """The page of a session on a bus; none without --web. `live`: it estimates. Raises ConfigError."""
     from canid.ui.web.requests import OF_SESSION
 
@@ -63,45 +64,38 @@ def session_page(args: argparse.Namespace, controls: Controls, *, live: bool) ->
         "title": os.path.basename(file),
         "vehicle": args.vehicle if live else "",
     }
-    pages = _opened(args, start, controls, OF_SESSION)
-    try:
-        yield pages
-    finally:
-        for page in pages:
-            page.close()
+    return _opened(args, start, controls, OF_SESSION)
 
 
-@contextmanager
 def replay_page(
     args: argparse.Namespace, log: str, vehicle: Vehicle, controls: Controls
-) -> Iterator[list[LivePage]]:
+) -> AbstractContextManager[list[LivePage]]:
     """The page of a replay; none without --web. Raises ConfigError."""
     from canid.ui.web.requests import OF_REPLAY
 
     start = {"mode": "replay", "title": log, "vehicle": vehicle.name, "start": options.window(args).begin}
-    pages = _opened(args, start, controls, OF_REPLAY)
-    try:
-        yield pages
-    finally:
-        for page in pages:
-            page.close()
+    return _opened(args, start, controls, OF_REPLAY)
 
 
+@contextmanager
 def _opened(
     args: argparse.Namespace, start: dict[str, Any], controls: Controls, allowed: tuple[str, ...]
-) -> list[LivePage]:
+) -> Iterator[list[LivePage]]:
     opened = access(args)
     if opened is None:
-        return []
+        yield []
+        return
     from canid.ui.web.live_page import LivePage
     from canid.values.roles import ROLES
     from canid.values.text.numbers import role_unit
 
     sock, given = opened
     start = {**start, "units": {role: role_unit(role) for role in ROLES}}
-    page = LivePage(sock, given, start, controls, allowed, info, waits=start["mode"] == "replay")
-    info(f"live page: {page.url}")
-    return [page]
+    with closing(
+        LivePage(sock, given, start, controls, allowed, info, waits=start["mode"] == "replay")
+    ) as page:
+        info(f"live page: {page.url}")
+        yield [page]
 
 
 def access(args: argparse.Namespace) -> tuple[socket.socket, Access] | None:
