@@ -108,6 +108,7 @@ class Task(NamedTuple):
     prior: InputPrior | None
     limits: band.Strides  # of the noise model's stride
     scored: bool = False  # is the fit compared with others?
+    slow: Array | None = None  # (m b, n) answers to the inputs as vehicles move them; None: as all there is
 
 
 def enough(both: Array, usable: npt.NDArray[np.bool_], inputs: int) -> bool:
@@ -217,15 +218,24 @@ def _finished(task: Task, made: _Pass, noise: Noise, known: Start) -> ProcessFit
     credible = fit_percent >= MIN_FIT_PERCENT
     channels = (Channel(),) * m
     if credible:
+        every = _limits(layout, made.moments, grid, point, noise)
         channels = posterior_channels.channels(
             grid,
             layout.basis.box,
-            _limits(layout, made.moments, grid, point, noise),
+            every,
             count * layout.step,
             prior is not None,
             () if prior is None or prior.gains is None else prior.gains.stated,
             prior is not None and states_all(prior),
         )
+        if task.slow is not None and prior is None:
+            moments = _moments(layout, row_noise.with_answers(noise, task.slow))
+            slow = _limits(layout, moments, grid, point, noise)
+            inflation = noise.variance_inflation / noise.weighed.law.inflation
+            channels = tuple(
+                information_bounds.robust(channel, by_slow, by_every, layout.basis.box, inflation)
+                for channel, by_slow, by_every in zip(channels, slow, every, strict=True)
+            )
     sigma = noise.sd
     if math.isnan(sigma):
         sigma = (grid.residual * noise.stride / noise.weighed.counted) ** 0.5
@@ -283,9 +293,7 @@ def _initial(layout: rows.Layout, data: Data, prior: InputPrior | None) -> Start
     return Start(_posterior_point(layout, data, grid, False, False), search_grid)
 
 
-def _evaluate(
-    layout: rows.Layout, search_grid: SearchGrid, noise: Noise, prior: InputPrior | None
-) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
+def _moments(layout: rows.Layout, noise: Noise) -> fopdt_posterior.Moments:
     chunks = [row_noise.products(noise, i, CHUNK_ROWS) for i in range(0, len(noise.weighed.rows), CHUNK_ROWS)]
     # the phases of a stride know together about as much as one of them
     share = 1.0 / noise.stride
@@ -293,7 +301,13 @@ def _evaluate(
         *(share * sum(parts[1:], parts[0]) for parts in zip(*chunks, strict=True))
     )
     sums = sums._replace(nuisance=sums.nuisance + np.diag(row_noise.precision(noise)))
-    known = fopdt_posterior.moments(sums, layout.inputs, round(share * noise.weighed.counted))
+    return fopdt_posterior.moments(sums, layout.inputs, round(share * noise.weighed.counted))
+
+
+def _evaluate(
+    layout: rows.Layout, search_grid: SearchGrid, noise: Noise, prior: InputPrior | None
+) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
+    known = _moments(layout, noise)
     if prior is None:
         return known, fopdt_posterior.evaluate(
             known, search_grid.W, search_grid.cells, noise.variance_inflation
