@@ -39,7 +39,7 @@ from canid.values.state_constraints import FINITE
 from canid.values.types import NAN, Array, Channel
 
 # samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
-# hour; whatever is made of all of them is made in such pieces.
+# hour, of a whole drive twice (vehicle_band.py); whatever is made of all of them is made in such pieces.
 CHUNK_ROWS = 2048
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
@@ -229,8 +229,7 @@ def _finished(task: Task, made: _Pass, noise: Noise, known: Start) -> ProcessFit
             prior is not None and states_all(prior),
         )
         if task.slow is not None and prior is None:
-            moments = _moments(layout, row_noise.with_answers(noise, task.slow))
-            slow = _limits(layout, moments, grid, point, noise)
+            slow = _limits(layout, made.moments, grid, point, noise, task.slow)
             inflation = noise.variance_inflation / noise.weighed.law.inflation
             channels = tuple(
                 information_bounds.robust(channel, by_slow, by_every, layout.basis.box, inflation)
@@ -324,13 +323,17 @@ def _limits(
     grid: fopdt_posterior.Grid,
     at: Point,
     noise: Noise,
+    answers: Array | None = None,
 ) -> tuple[information_bounds.Deviations, ...]:
-    """What the data allow at the point that was found."""
+    """What the data allow at the point that was found; `answers` (m b, n): what those would."""
     by_K, by_tau, by_dead_time = (
         by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     )
     J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
     variance = noise.weighed.law.inflation * grid.residual / max(moments.freedom, 1)
+    if answers is not None:
+        moments = _moments(layout, row_noise.with_answers(noise, np.concatenate(J) @ answers))
+        J = np.split(np.eye(3 * len(J)), len(J))
     return information_bounds.bounds(moments, J, variance, layout.basis.box)
 
 

@@ -422,7 +422,7 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
 
 
 def with_answers(noise: Noise, answers: Array) -> Noise:
-    """The same model of rows with other answers (m b, n)."""
+    """The same model of rows with other answers (k, n)."""
     data = noise.phases.data
     laid = answers if noise.stride == 1 else _phases(answers, noise.stride)
     return noise._replace(phases=noise.phases._replace(data=data._replace(both=np.vstack([laid, data.y]))))
