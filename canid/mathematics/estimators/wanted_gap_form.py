@@ -182,7 +182,8 @@ def _mixed(forms: list[ProcessFit], table: Array, weight: Array, k: int) -> Chan
         apart = (SIGMAS * (value - mean)) ** 2
         fields[name] = Interval(
             mean,
-            mean - float(weight @ (down**2 + apart)) ** 0.5,
+            # no delay is negative
+            max(mean - float(weight @ (down**2 + apart)) ** 0.5, -np.inf if name == "K" else 0.0),
             mean + float(weight @ (up**2 + apart)) ** 0.5,
         )
     least = min((part.status for part in parts), key=channel_mixture.ORDER.index)

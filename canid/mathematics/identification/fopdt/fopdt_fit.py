@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.mathematics.identification import band, feedback_bias, identifiability
-from canid.mathematics.identification.fopdt import grid_search, reduced_basis, several_starts
+from canid.mathematics.identification.fopdt import grid_search, reduced_basis, several_starts, vehicle_band
 from canid.mathematics.identification.fopdt import regression_rows as rows
 from canid.mathematics.identification.fopdt.grid_search import (
     CHUNK_ROWS,
@@ -174,7 +174,9 @@ def _fit(
     if not enough(both, usable, m):
         return no_fit(m, count)
     limits = band.strides(layout.step, how.output_filter)
-    task = Task(layout, ready(both, usable, bounded, side, count), count, prior, limits, scored=scored)
+    slow = vehicle_band.slow(both[:-1], layout.step) if several else None
+    data = ready(both, usable, bounded, side, count)
+    task = Task(layout, data, count, prior, limits, scored, slow)
     # fits that are compared are refitted alike
     least = several_starts.LEAST_REFITS if scored and start is not None else 0
     fit = (

@@ -39,7 +39,7 @@ from canid.values.state_constraints import FINITE
 from canid.values.types import NAN, Array, Channel
 
 # samples, and rows, that are worked on at once: 2,048 of two inputs take 1 MB. A drive's rows are held once, 18 MB an
-# hour; whatever is made of all of them is made in such pieces.
+# hour, of a whole drive twice (vehicle_band.py); whatever is made of all of them is made in such pieces.
 CHUNK_ROWS = 2048
 
 # Passes of the grid. From the whole box to 5 ms takes five; the rest is for an odd start.
@@ -108,6 +108,7 @@ class Task(NamedTuple):
     prior: InputPrior | None
     limits: band.Strides  # of the noise model's stride
     scored: bool = False  # is the fit compared with others?
+    slow: Array | None = None  # (m b, n) answers to the inputs as vehicles move them; None: as all there is
 
 
 def enough(both: Array, usable: npt.NDArray[np.bool_], inputs: int) -> bool:
@@ -217,15 +218,23 @@ def _finished(task: Task, made: _Pass, noise: Noise, known: Start) -> ProcessFit
     credible = fit_percent >= MIN_FIT_PERCENT
     channels = (Channel(),) * m
     if credible:
+        every = _limits(layout, made.moments, grid, point, noise)
         channels = posterior_channels.channels(
             grid,
             layout.basis.box,
-            _limits(layout, made.moments, grid, point, noise),
+            every,
             count * layout.step,
             prior is not None,
             () if prior is None or prior.gains is None else prior.gains.stated,
             prior is not None and states_all(prior),
         )
+        if task.slow is not None and prior is None:
+            slow = _limits(layout, made.moments, grid, point, noise, task.slow)
+            inflation = noise.variance_inflation / noise.weighed.law.inflation
+            channels = tuple(
+                information_bounds.robust(channel, by_slow, by_every, layout.basis.box, inflation)
+                for channel, by_slow, by_every in zip(channels, slow, every, strict=True)
+            )
     sigma = noise.sd
     if math.isnan(sigma):
         sigma = (grid.residual * noise.stride / noise.weighed.counted) ** 0.5
@@ -283,9 +292,7 @@ def _initial(layout: rows.Layout, data: Data, prior: InputPrior | None) -> Start
     return Start(_posterior_point(layout, data, grid, False, False), search_grid)
 
 
-def _evaluate(
-    layout: rows.Layout, search_grid: SearchGrid, noise: Noise, prior: InputPrior | None
-) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
+def _moments(layout: rows.Layout, noise: Noise) -> fopdt_posterior.Moments:
     chunks = [row_noise.products(noise, i, CHUNK_ROWS) for i in range(0, len(noise.weighed.rows), CHUNK_ROWS)]
     # the phases of a stride know together about as much as one of them
     share = 1.0 / noise.stride
@@ -293,7 +300,13 @@ def _evaluate(
         *(share * sum(parts[1:], parts[0]) for parts in zip(*chunks, strict=True))
     )
     sums = sums._replace(nuisance=sums.nuisance + np.diag(row_noise.precision(noise)))
-    known = fopdt_posterior.moments(sums, layout.inputs, round(share * noise.weighed.counted))
+    return fopdt_posterior.moments(sums, layout.inputs, round(share * noise.weighed.counted))
+
+
+def _evaluate(
+    layout: rows.Layout, search_grid: SearchGrid, noise: Noise, prior: InputPrior | None
+) -> tuple[fopdt_posterior.Moments, fopdt_posterior.Grid]:
+    known = _moments(layout, noise)
     if prior is None:
         return known, fopdt_posterior.evaluate(
             known, search_grid.W, search_grid.cells, noise.variance_inflation
@@ -310,13 +323,17 @@ def _limits(
     grid: fopdt_posterior.Grid,
     at: Point,
     noise: Noise,
+    answers: Array | None = None,
 ) -> tuple[information_bounds.Deviations, ...]:
-    """What the data allow at the point that was found."""
+    """What the data allow at the point that was found; `answers` (m b, n): what those would."""
     by_K, by_tau, by_dead_time = (
         by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
     )
     J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
     variance = noise.weighed.law.inflation * grid.residual / max(moments.freedom, 1)
+    if answers is not None:
+        moments = _moments(layout, row_noise.with_answers(noise, np.concatenate(J) @ answers))
+        J = np.split(np.eye(3 * len(J)), len(J))
     return information_bounds.bounds(moments, J, variance, layout.basis.box)
 
 

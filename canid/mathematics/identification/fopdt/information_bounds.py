@@ -1,4 +1,4 @@
-"""Cramér-Rao bounds of each channel: what the data alone allow gain, lag and dead time to be known to."""
+"""Cramér-Rao bounds of each channel: what the data alone allow gain, lag and dead time to be known to; intervals by them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.fopdt.fopdt_posterior import Moments
 from canid.mathematics.identification.fopdt.reduced_basis import Box
-from canid.values.types import Array
+from canid.values.types import Array, Channel, Interval
 
 
 def precision(box: Box) -> tuple[float, float]:
@@ -54,3 +55,46 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
         total = P[1, 1] + P[2, 2] + 2.0 * P[1, 2]
         out.append(Deviations(*(math.sqrt(max(float(x), 0.0)) for x in (P[0, 0], P[1, 1], P[2, 2], total))))
     return tuple(out)
+
+
+def robust(
+    channel: Channel, slow: Deviations, every: Deviations, box: Box, inflation: float = 1.0
+) -> Channel:
+    """Widen the delays' intervals to the sandwich variance (Huber 1967; White 1982), each for itself.
+
+    The estimate moves by the score over the curvature of the likelihood. What the inputs' noise adds to the score it does
+    not add to the curvature, which is that of the inputs without it.
+
+    Args:
+        channel: with the intervals of the posterior; one that is wider stays.
+        slow: bounds by the inputs as vehicles move them: one over the curvature.
+        every: bounds by the inputs as they were measured: one over the variance of the score.
+        box: where tau and dead time end.
+        inflation: of the variances of `every`.
+
+    >>> known = Channel(tau=Interval(0.5, 0.304, 0.696))  # sd 0.1
+    >>> half, whole = Deviations(1.0, 0.1, 0.1, 0.1), Deviations(1.0, 0.2, 0.1, 0.1)
+    >>> [round(x, 2) for x in robust(known, whole, half, Box(0.02, 3.0, 1.5)).tau]  # sd 0.2^2/0.1
+    [0.5, 0.02, 1.28]
+    >>> robust(known, half, half, Box(0.02, 3.0, 1.5)) == known
+    True
+    """
+    by_tau, by_dead_time, by_total = (
+        math.sqrt(inflation) * a * a / max(b, 1e-12) for a, b in zip(slow[1:], every[1:], strict=True)
+    )
+    return channel._replace(
+        tau=_at_least(channel.tau, by_tau, box.tau_min, box.tau_max),
+        dead_time=_at_least(channel.dead_time, by_dead_time, 0.0, box.dead_time_max),
+        tau_plus_dead_time=_at_least(
+            channel.tau_plus_dead_time, by_total, box.tau_min, box.tau_max + box.dead_time_max
+        ),
+    )
+
+
+def _at_least(known: Interval, sd: float, least: float, most: float) -> Interval:
+    """An interval as wide as a standard deviation makes it, within the box; a wider one stays."""
+    factor = 2.0 * NORMAL_QUANTILE * sd / max(known.high - known.low, 1e-12)
+    if not factor > 1.0:
+        return known
+    low, high = (known.value + factor * (end - known.value) for end in (known.low, known.high))
+    return Interval(known.value, round(max(low, least), 9), round(min(high, most), 9))

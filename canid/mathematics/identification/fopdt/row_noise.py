@@ -421,6 +421,13 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
     return fopdt_posterior.products(white, nuisance[:, new] * used)
 
 
+def with_answers(noise: Noise, answers: Array) -> Noise:
+    """The same model of rows with other answers (k, n)."""
+    data = noise.phases.data
+    laid = answers if noise.stride == 1 else _phases(answers, noise.stride)
+    return noise._replace(phases=noise.phases._replace(data=data._replace(both=np.vstack([laid, data.y]))))
+
+
 def precision(noise: Noise) -> Array:
     """(q,) of the prior of each nuisance column's coefficient, in shares of an innovation's variance: of a drift's alone."""
     return np.concatenate([np.zeros(len(noise.ar) + 1), np.ones(len(noise.slow))])

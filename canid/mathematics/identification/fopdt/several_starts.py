@@ -89,7 +89,7 @@ def _start_of_part(task: Task, part: slice) -> Start | None:
         return None
     count = int(usable.sum())
     half = ready(both, usable, bounded, data.side[part], count)
-    return grid_search.search(task._replace(data=half, used=count)).start
+    return grid_search.search(task._replace(data=half, used=count, slow=None)).start
 
 
 def _distinct(scored: Sequence[ProcessFit]) -> list[ProcessFit]:
