@@ -56,6 +56,15 @@ def test_weak_data_give_a_verdict_and_no_name(kind: str, seed: int) -> None:
     assert report.says
 
 
+def test_a_wheel_in_steps_larger_than_twice_its_motion_decides_nothing(seed: int) -> None:
+    """Such a wheel stands still whoever turns it: no attention gap, and no gain of a rounding."""
+    whole = make(LaneDrive("one", CLEAN, seed, 4.0)).trace
+    width = 2.5 * float(np.std(whole.output))
+    report = canid.diagnose(steered(whole, width * np.rint(whole.output / width)))
+    assert (report.verdict, report.findings) == (Verdict.NOT_ENOUGH_DATA, ())
+    assert "steps" in report.says
+
+
 @pytest.mark.slow("diagnoses planted drives")
 def test_the_shipped_log_of_lane_keeping_through_the_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
