@@ -239,9 +239,8 @@ def line_residuals(t: Array, value: Array, dt: float, phase: float) -> Array:
     k -= k[0]
     n = int(k[-1]) + 2
     places = np.concatenate([k * (n + 1), (k + 1) * (n + 1), k * (n + 1) + 1])
-    H: Array = np.bincount(places, np.concatenate([(1.0 - w) ** 2, w * w, w * (1.0 - w)]), n * n).reshape(
-        n, n
-    )
+    H = np.zeros((n, n))
+    H += np.bincount(places, np.concatenate([(1.0 - w) ** 2, w * w, w * (1.0 - w)]), n * n).reshape(n, n)
     H += np.triu(H, 1).T
     # a segment without readings leaves its knots free
     H[np.diag_indices(n)] += 1e-9
