@@ -146,6 +146,19 @@ def test_what_is_joined_by_lines_is_named(role: str, name: str, delays: bool, se
     assert (one.withholds, one.withholds_delays) == (not delays, delays)
 
 
+@pytest.mark.parametrize(
+    ("role", "step", "every", "name"),
+    [("pedal", 0.1, 5, "output_slow"), ("gap", 0.05, 5, "input_slow"), ("range_rate", 0.02, 5, "input_slow"),
+     ("gap", 0.02, 3, "input_slow")],
+)  # fmt: skip
+@mostly(0.9)
+def test_lines_that_were_rounded_are_named(role: str, step: float, every: int, name: str, seed: int) -> None:
+    """Joined first, and written with the decimals of the file behind that, which hides single bends."""
+    columns = changed(role, joined(every))(following(seed))
+    found = {one.name: one for one in with_spans(changed(role, stepped(step))(columns))}
+    assert "joined by lines" in found[name].says
+
+
 @pytest.mark.parametrize("kind", ["line", "hold"])
 @mostly(0.9)
 def test_an_output_of_every_second_sample_leaves_the_gains(kind: str, seed: int) -> None:

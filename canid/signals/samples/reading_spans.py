@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from canid.mathematics.identification.rounding import decimals_step, lattice_step
+from canid.signals.samples import rounded_lines
 from canid.values.types import NAN, Array
 
 # s; ten readings of a signal of 1 Hz
@@ -132,6 +133,8 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
         kind, update = ("line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"), joined
     elif (lagged := _lagged(t, value, resolution)) > 0.0:
         kind, update = "hold", lagged
+    elif (rounded := rounded_lines.period(t, value, max(resolution, decimals_step(value)))) > 0.0:
+        kind, update = "line", rounded
     values = np.unique(value)
     step = resolution if len(values) != 2 else float(values[1] - values[0])
     return ReadingSpan(role, at, update, kind, step, changes)
