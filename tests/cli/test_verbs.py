@@ -229,6 +229,8 @@ def test_check(canid: Canid, log: Path) -> None:
     assert re.fullmatch(r"EGO_SPEED\.VehicleSpeed \(0x[0-9A-F]+\)", result["roles"]["speed"]["from"])
     ran = canid("check", log, "--vehicle", "generic")
     assert "✓ the vehicle file fits" in ran.out
+    # units as on every page
+    assert re.search(r"^accel +m/s² ", ran.out, re.M)
     ids = json.loads(canid("check", log, "--json", "-").out)
     assert ids["frames"] == result["frames"] == sum(each["frames"] for each in ids["ids"])
     assert canid("check", "--vehicle", "generic").code == DONE

@@ -77,3 +77,21 @@ def test_what_bends_the_gain_most_comes_first_and_what_is_in_the_model_is_not_li
     bends = [abs(one.bends) for one in all_of]
     assert bends == sorted(bends, reverse=True)
     assert {"attention_gap", "cruise_control", "periodic_task"}.isdisjoint(one.effect for one in all_of)
+
+
+@pytest.mark.slow("fits planted drives")
+@mostly(0.95)
+def test_a_bound_leaves_out_no_cause_that_reaches_it(seed: int) -> None:
+    """Of a response to the lead's acceleration its direction shows nothing: a few steps from a grid of delays must.
+
+    With nine tenths of its evidence asked for, it is fitted to the same model as with nothing asked for; on a clean drive
+    none reaches what a name needs.
+    """
+    (lead,) = (effect for effect in DRIVERS.values() if effect.id == "lead_acceleration")
+    planted, clean = (driven(held, seed, seed % 2) for held in ({lead.id: {"gain": 6.0}}, {}))
+    (whole,) = driver_candidates.candidates((lead,), planted.data, planted.fitted)
+    asked = driver_candidates.candidates((lead,), planted.data, planted.fitted, 0.9 * whole.evidence)
+    assert [one.solved.q.tolist() for one in asked] == [whole.solved.q.tolist()]
+    assert not driver_candidates.candidates(
+        (lead,), clean.data, clean.fitted, needed(1, len(DRIVERS)) + whole.evidence
+    )

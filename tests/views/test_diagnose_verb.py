@@ -74,6 +74,7 @@ def test_the_page_lies_in_this_folder_under_the_log_s_name(canid: Callable[..., 
     # provenance: whoever has these files and this command gets the same page
     assert hashlib.sha256(URBAN.read_bytes()).hexdigest() in html
     vehicle = read_vehicle("generic")
+    assert f" · {vehicle.name} · recorded" in html
     for file in (vehicle.path, *vehicle.dbc):
         assert hashlib.sha256(Path(file).read_bytes()).hexdigest() in html
     assert f"canid diagnose {shlex.quote(str(URBAN))} --vehicle generic --stop 5" in unescape(html)

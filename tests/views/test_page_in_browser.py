@@ -101,6 +101,23 @@ DRAWN = """[...document.querySelectorAll('.plot')].filter(p => !p.closest('detai
 
 
 @pytest.mark.slow("pages in a browser")
+def test_no_line_doubles_the_frame_of_the_key_figures(
+    open_page: Callable[..., OpenPage], short: Path
+) -> None:
+    """Between two of a row there is one line; that of the first of each row lies outside of the frame."""
+    seen = open_page(short).drawn()
+    edges = seen.evaluate(
+        """(() => { const frame = document.querySelector('.key').getBoundingClientRect();
+        return [...document.querySelectorAll('.key div')].map(d => [d.getBoundingClientRect().left - frame.left,
+          parseFloat(getComputedStyle(d).borderLeftWidth), parseFloat(getComputedStyle(d).borderRightWidth)]); })()"""
+    )
+    assert all(right == 0 for _, _, right in edges)
+    firsts = [(left, line) for left, line, _ in edges if left < 2]
+    assert firsts
+    assert all(left + line <= 1 + 1e-3 for left, line in firsts)
+
+
+@pytest.mark.slow("pages in a browser")
 def test_on_a_phone_nothing_is_clipped_and_the_page_is_short(
     open_page: Callable[..., OpenPage], file: Path
 ) -> None:

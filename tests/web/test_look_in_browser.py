@@ -171,6 +171,17 @@ def test_on_a_phone_nothing_is_wider_than_the_screen(browser: Any, address: str)
     page.context.close()
 
 
+def test_on_a_phone_no_name_covers_a_curve(browser: Any, address: str) -> None:
+    """A legend stands in the 25 px above its panel; the whole name is in the list, and in its title."""
+    page = Opened(browser, address, viewport={"width": 390, "height": 844})
+    page.until(DRAWN)
+    heights = "[...document.querySelectorAll('.legend')].map(b => b.getBoundingClientRect().height)"
+    assert max(page.evaluate(heights)) <= 25
+    titles = page.evaluate("[...document.querySelectorAll('.chip .name')].map(b => b.title)")
+    assert all("." in title for title in titles)
+    page.context.close()
+
+
 def test_six_panels_and_their_axis_of_time_are_on_the_screen(browser: Any, address: str) -> None:
     opened = Opened(browser, address, viewport={"width": 1280, "height": 800})
     opened.until(DRAWN)

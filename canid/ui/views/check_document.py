@@ -133,7 +133,12 @@ def _roles(checked: Check) -> list[dict[str, doc.Cell]]:
         points = (row.rate, row.missing_percent, row.low, row.median, row.high)
         shown = [number(x, digits=TABLE_DIGITS) for x in points]
         cells: dict[str, doc.Cell] = dict(zip((">1/s", ">missing %", *RANGE), shown, strict=True))
-        cells |= {"role": row.role, "unit": row.unit, "from": row.source, ">readings": f"{row.readings:,}"}
+        cells |= {
+            "role": row.role,
+            "unit": role_unit(row.role),
+            "from": row.source,
+            ">readings": f"{row.readings:,}",
+        }
         cells |= {">longest gap": number(row.longest_gap, "s"), ">stale": number(row.stale_percent, "%")}
         rows.append(cells | {"state": _state(row), "why missing": _why(checked.left_out.get(row.role, {}))})
     return rows
@@ -141,7 +146,7 @@ def _roles(checked: Check) -> list[dict[str, doc.Cell]]:
 
 def _roles_of_page(checked: Check) -> doc.Table:
     named = [
-        cells | {"role": readable(row.role), "unit": role_unit(row.role), "from": f"`{row.source}`"}
+        cells | {"role": readable(row.role), "from": f"`{row.source}`"}
         for row, cells in zip(checked.rows, _roles(checked), strict=True)
     ]
     caption = (

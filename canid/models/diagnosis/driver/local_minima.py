@@ -65,6 +65,17 @@ def minima(
         without: a model already fitted, whose noise model the first steps use.
         q: of the model; its delays and gains are replaced.
     """
+    apart: list[FittedModel[DriverModel]] = []
+    for minimum in rough_fits(model, data, without, q):
+        if not any(same_minimum(minimum.q, other.q) for other in apart):
+            apart.append(minimum)
+    return [solve(data, model, minimum.q, without.noise, without.rows) for minimum in apart[:MAX_MINIMA]]
+
+
+def rough_fits(
+    model: DriverModel, data: DriverData, without: FittedModel[DriverModel], q: Array
+) -> list[FittedModel[DriverModel]]:
+    """Fits of a few steps from each point of the grid, the likeliest first; arguments as of `minima`."""
     short, recent = [], RecentValues()
     for theta, tau in product(GRID_THETA_S, GRID_TAU_S):
         guess = q.copy()
@@ -82,12 +93,7 @@ def minima(
             joint=False,
         )
         short.append(few)
-    short.sort(key=lambda minimum: minimum.deviance)
-    apart: list[FittedModel[DriverModel]] = []
-    for minimum in short:
-        if not any(same_minimum(minimum.q, other.q) for other in apart):
-            apart.append(minimum)
-    return [solve(data, model, minimum.q, without.noise, without.rows) for minimum in apart[:MAX_MINIMA]]
+    return sorted(short, key=lambda minimum: minimum.deviance)
 
 
 def same_minimum(first: Array, other: Array) -> bool:

@@ -201,7 +201,7 @@ def diagnose_hidden(
         show(line)
     show(f"hidden effect: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
     with complete_files.opened_file(report) as file:
-        file.write(page(diagnosis))
+        file.write(page(diagnosis, vehicle.name))
     return any(effect in (finding.effect, *finding.rivals) for finding in diagnosis.findings)
 
 

@@ -124,7 +124,7 @@ def run(args: argparse.Namespace) -> int:
             of_log = identification_json.OfLog(damage=reading.damage(drives))
             objects.append(diagnosis_json.document(report, name, vehicle.name, of_log))
             # after the verdict: a full disk must not lose it; an earlier page is replaced only by a whole one
-            complete_files.write(target, partial(page, report))
+            complete_files.write(target, partial(page, report, vehicle.name))
             if target is not None:
                 info(f"{target.path} written")
             for drive in drives:

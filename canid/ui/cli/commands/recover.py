@@ -52,7 +52,9 @@ def run(args: argparse.Namespace) -> int:
         with Progress(f"reading {args.log}") as bar:
             recovered = recover(args.log, args.output, bar.to)
         info(
-            recovered.damage.says if recovered.damage else f"read {recovered.frames:,} frames, nothing damaged"
+            recovered.damage.says
+            if recovered.damage
+            else f"read {recovered.frames:,} frames, nothing damaged"
         )
         events = f", {recovered.events} of the recorder's events" if recovered.events else ""
         info(f"{recovered.path}: {recovered.frames:,} frames{events}")

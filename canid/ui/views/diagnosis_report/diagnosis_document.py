@@ -31,8 +31,12 @@ TITLES = {
 }
 
 
-def page(report: Report) -> str:
+def page(report: Report, vehicle: str = "") -> str:
     """The diagnosis as one HTML page, to be stored as UTF-8.
+
+    Args:
+        report: the diagnosis.
+        vehicle: its name; default: its file.
 
     Example:
         >>> from canid.values.findings import no_fit
@@ -70,7 +74,7 @@ def page(report: Report) -> str:
                 *(doc.Sentence(f"⚠ {says}", "remark") for says in parts.remarks(report)),
             ],
             sections,
-            doc.Source(report.provenance, report.provenance.vehicle, signals, bool(signals)),
+            doc.Source(report.provenance, vehicle or report.provenance.vehicle, signals, bool(signals)),
             "Diagnosis",
             _key(report),
         )

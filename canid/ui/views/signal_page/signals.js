@@ -229,7 +229,7 @@
   const legends = () => {
     byId("span").textContent = `${range[0].toFixed(2)} to ${range[1].toFixed(2)} s`;
     const color = colors();
-    const asked = JSON.stringify([panels, target, color("line0"), height()]);
+    const asked = JSON.stringify([panels, target, color("line0"), height(), innerWidth < NARROW]);
     if (asked === legended) return;
     legended = asked;
     const place = byId("legends");
@@ -256,7 +256,10 @@
         // as wide as a number will be: a button must not move away from the pointer
         const value = element("span", "value", lines[one].unit);
         value.style.minWidth = `${lines[one].unit.length + VALUE_WIDTH}ch`;
-        chip.append(swatch, element("span", "name", lines[one].name), value, close);
+        // on a phone without its message, which the list has: a name of two lines would cover the curve
+        const name = element("span", "name", innerWidth < NARROW ? lines[one].name.split(".").pop() : lines[one].name);
+        name.title = lines[one].name;
+        chip.append(swatch, name, value, close);
         draggable(chip, one);
         box.append(chip);
       });
