@@ -9,6 +9,7 @@ from canid.mathematics.identification.first_order import scan
 from canid.mathematics.identification.fopdt import vehicle_band
 from canid.mathematics.identification.fopdt.fopdt_fit import Settings, fit_process
 from canid.mathematics.identification.fopdt.grid_search import ProcessFit
+from canid.mathematics.identification.identifiability import quotable
 from canid.values.types import Array
 
 DT, K, TAU, THETA = 0.1, 6.0, 0.5, 0.5
@@ -45,13 +46,16 @@ def widths(fit: ProcessFit) -> Array:
 
 
 @pytest.mark.slow("fits many drives")
-def test_noise_of_an_input_narrows_no_interval(seed: int) -> None:
-    """Tau and dead time are no better known with noise of 0.02 m/s than without; intervals of 0.6 and 0.5 said so."""
-    ratios = [widths(fitted(seed + k, 0.02)) / widths(fitted(seed + k, 0.0)) for k in range(5)]
+def test_noise_of_an_input_narrows_no_quoted_interval(seed: int) -> None:
+    """Tau and dead time are no better known with noise of 0.03 m/s than without; intervals of 0.6 and 0.45 said so."""
+    noisy = {k: fitted(seed + k, 0.03) for k in range(5)}
+    quoted = [k for k, fit in noisy.items() if quotable(fit.channels[0], "tau")]
+    assert len(quoted) > 2
+    ratios = [widths(noisy[k]) / widths(fitted(seed + k, 0.0)) for k in quoted]
     tau, dead_time, total = np.median(ratios, axis=0)
     assert tau > 0.75, ratios
     assert dead_time > 0.75, ratios
-    assert 0.9 < total < 1.15, ratios
+    assert 0.85 < total < 1.2, ratios
 
 
 def test_motion_passes_and_noise_does_not() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.fopdt.fopdt_posterior import Moments
 from canid.mathematics.identification.fopdt.reduced_basis import Box
-from canid.values.types import Array, Channel, Interval
+from canid.values.types import Array, Channel, Identifiable, Interval
 
 
 def precision(box: Box) -> tuple[float, float]:
@@ -60,34 +60,34 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
 def robust(
     channel: Channel, slow: Deviations, every: Deviations, box: Box, inflation: float = 1.0
 ) -> Channel:
-    """Widen the delays' intervals to the sandwich variance (Huber 1967; White 1982), each for itself.
+    """Widen the intervals of a known tau and dead time to the sandwich variance (Huber 1967; White 1982).
 
     The estimate moves by the score over the curvature of the likelihood. What the inputs' noise adds to the score it does
-    not add to the curvature, which is that of the inputs without it.
+    not add to the curvature, which is that of the inputs without it. To their sum, and to a gain, it adds next to nothing.
 
     Args:
-        channel: with the intervals of the posterior; one that is wider stays.
+        channel: with the intervals of the posterior; one that is wider stays, and of delays that are not known both.
         slow: bounds by the inputs as vehicles move them: one over the curvature.
         every: bounds by the inputs as they were measured: one over the variance of the score.
         box: where tau and dead time end.
         inflation: of the variances of `every`.
 
-    >>> known = Channel(tau=Interval(0.5, 0.304, 0.696))  # sd 0.1
+    >>> known = Channel(tau=Interval(0.5, 0.304, 0.696), status=Identifiable.OK)  # sd 0.1
     >>> half, whole = Deviations(1.0, 0.1, 0.1, 0.1), Deviations(1.0, 0.2, 0.1, 0.1)
     >>> [round(x, 2) for x in robust(known, whole, half, Box(0.02, 3.0, 1.5)).tau]  # sd 0.2^2/0.1
     [0.5, 0.02, 1.28]
     >>> robust(known, half, half, Box(0.02, 3.0, 1.5)) == known
     True
     """
-    by_tau, by_dead_time, by_total = (
-        math.sqrt(inflation) * a * a / max(b, 1e-12) for a, b in zip(slow[1:], every[1:], strict=True)
+    if channel.status is not Identifiable.OK:
+        return channel
+    by_tau, by_dead_time = (
+        math.sqrt(inflation) * a * a / max(b, 1e-12)
+        for a, b in ((slow.tau, every.tau), (slow.dead_time, every.dead_time))
     )
     return channel._replace(
         tau=_at_least(channel.tau, by_tau, box.tau_min, box.tau_max),
         dead_time=_at_least(channel.dead_time, by_dead_time, 0.0, box.dead_time_max),
-        tau_plus_dead_time=_at_least(
-            channel.tau_plus_dead_time, by_total, box.tau_min, box.tau_max + box.dead_time_max
-        ),
     )
 
 
