@@ -63,9 +63,14 @@ def test_bursts_are_found_and_lost_frames_are_not(kind: str, expected: set[str],
 
 
 @pytest.mark.parametrize("kind", ["lost 0.8", "lost of 10 Hz"])
-@seeds.mostly(0.7)
+@seeds.mostly(0.8)
 def test_most_messages_lost_have_a_name_of_their_own(kind: str, seed: int) -> None:
-    """Of 20 Hz, and of 10 Hz with stamps of 3 ms of jitter."""
+    """Of 20 Hz, and of 10 Hz with stamps of 3 ms of jitter.
+
+    The intervals are geometric, with a standard deviation of the root of the share that is lost times their mean. Of three
+    quarters, 25 in ten seconds are below 0.7 of it in 1 of 8 spans, and in 8 % of these minutes no two spans in a row are
+    above (200 and 200 seeds: 0.99 and 0.87 are named so, and nothing else).
+    """
     assert named(kind, seed) == {"messages_lost"}
 
 

@@ -16,6 +16,9 @@ SPAN_S = 10.0
 # s; a longer interval is a pause of the sender, not its jitter
 MAX_INTERVAL_S = 2.0
 
+# of the shortest interval; a mean that is farther from it is not that of its multiples
+MAX_JITTER = 0.1
+
 _MICROSECONDS = 1e6
 
 
@@ -39,9 +42,10 @@ class Tally(NamedTuple):
     number: int = 0
     total: int = 0
     squares: int = 0
-    nominal: int = 0  # µs, the shortest of the span before; 0: there is none
+    nominal: int = 0  # µs, the shortest of the span before, without its jitter; 0: there is none
     shortest: int = 0  # µs, in this span
     off: int = 0  # µs², squared distances from multiples of `nominal`
+    multiples: int = 0  # of these, the sum
 
 
 State = Mapping[str, Tally]
@@ -73,7 +77,7 @@ def step(
         (199, 0.05)
     """
     tally = state.get(role, Tally())
-    span, last, number, total, squares, nominal, shortest, off = tally
+    span, last, number, total, squares, nominal, shortest, off, multiples = tally
     out = []
     for at, k in zip(t.tolist(), row.tolist(), strict=True):
         now = round(at * _MICROSECONDS)
@@ -86,7 +90,10 @@ def step(
                 if nominal:
                     apart = nominal / _MICROSECONDS, math.sqrt(off / number) / _MICROSECONDS
                 out.append((k, StampIntervals(role, at, number, mean, math.sqrt(max(variance, 0.0)), *apart)))
-            span, number, total, squares, nominal, shortest, off = here, 0, 0, 0, shortest, 0, 0
+            # the shortest is so by its jitter, which the mean length of a multiple of the one before is not
+            mean_us = round(total / multiples) if multiples else shortest
+            nominal = mean_us if abs(mean_us - shortest) <= MAX_JITTER * shortest else shortest
+            span, number, total, squares, shortest, off, multiples = here, 0, 0, 0, 0, 0, 0
         interval = now - last
         if last >= 0 and 0 <= interval <= MAX_INTERVAL_S * _MICROSECONDS:
             number += 1
@@ -96,5 +103,7 @@ def step(
             if nominal:
                 rest = interval % nominal
                 off += min(rest, nominal - rest) ** 2
+                multiples += (2 * interval + nominal) // (2 * nominal)
         last = now
-    return {**state, role: Tally(span, last, number, total, squares, nominal, shortest, off)}, out
+    after = Tally(span, last, number, total, squares, nominal, shortest, off, multiples)
+    return {**state, role: after}, out

@@ -37,7 +37,8 @@ def grams(columns: Columns, white: Array, block: int) -> Level:
 
     def blocks(x: Array) -> Array:
         padded = np.concatenate([np.zeros((len(x), lacking)), x], axis=1)
-        return padded.reshape(len(x), -1, block).transpose(1, 0, 2)
+        # a short drive has no cosine
+        return padded.reshape(len(x), (n + lacking) // block, block).transpose(1, 0, 2)
 
     weighted = blocks(white * columns.weight).transpose(0, 2, 1)
     return Level(blocks(columns.values) @ weighted, blocks(white) @ weighted, variances(len(white)))
