@@ -6,7 +6,7 @@ There the data would move the parameter on: its value is that of the range, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from canid.models.diagnosis.driver import driver_model
@@ -132,33 +132,26 @@ def of_finding(finding: Finding) -> dict[str, AtBound]:
     """Of a finding's parameters."""
     by = {effect.id: effect for effect in CATALOGUE}
     parameters = by[finding.effect].parameters if finding.effect in by else ()
-    bounds = {
-        parameter.name: at_bound(
-            finding.parameters[parameter.name].value,
-            parameter.low,
-            parameter.high,
-            finding.units.get(parameter.name, ""),
-        )
-        for parameter in parameters
-        if parameter.name in finding.parameters and not parameter.change_point
-    }
-    return {name: bound for name, bound in bounds.items() if bound is not None}
+    units = finding.units
+    ranges = [(p.name, p.low, p.high, units.get(p.name, "")) for p in parameters if not p.change_point]
+    return _of_each(finding.parameters, ranges)
 
 
 def of_rival(rival: Rival) -> dict[str, AtBound]:
     """Of the parameters of a published model."""
     by = {model.name: model for model in MODELS}
     parameters = by[rival.model].parameters if rival.model in by else ()
+    return _of_each(rival.parameters, [(p.name, p.low, p.high, p.unit) for p in parameters], log=True)
+
+
+def _of_each(
+    values: Mapping[str, Interval], ranges: Iterable[tuple[str, float, float, str]], *, log: bool = False
+) -> dict[str, AtBound]:
+    """Of the values whose range (name, low, high, unit) is known; `log`: ranges above 0 are logarithmic."""
     bounds = {
-        parameter.name: at_bound(
-            rival.parameters[parameter.name].value,
-            parameter.low,
-            parameter.high,
-            parameter.unit,
-            log=parameter.low > 0,
-        )
-        for parameter in parameters
-        if parameter.name in rival.parameters
+        name: at_bound(values[name].value, low, high, unit, log=log and low > 0)
+        for name, low, high, unit in ranges
+        if name in values
     }
     return {name: bound for name, bound in bounds.items() if bound is not None}
 
