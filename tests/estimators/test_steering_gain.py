@@ -78,3 +78,14 @@ def test_a_wheel_that_comes_less_often_than_a_driver_answers_shows_no_gain(
     ]
     assert ("K" in quoted) == shows
     assert (canid.diagnose(held, arbitrated=False).verdict is not Verdict.NOT_ENOUGH_DATA) == shows
+
+
+@pytest.mark.slow("fits drives of 10 min")
+@mostly(0.9)
+def test_of_an_offset_that_is_recorded_late_no_gain_is_quoted(seed: int) -> None:
+    """By 0.4 s: the wheel moves before the offset that it answers, as no driver does."""
+    angle, offset = loop(0.06, np.random.default_rng(seed))
+    for late, quoted in ((0, True), (4, False)):
+        found = armax_whole_drive.identify(drive(angle, np.r_[np.zeros(late), offset[: N - late]]), Orders())
+        assert found is not None
+        assert ("K" in QUOTED[found.channels["lateral_offset"].status]) == quoted

@@ -34,6 +34,11 @@ DELAYS_AT_LIMIT = (
     "the output is at its limit: what is left of it is in pieces, of which ARMAX quotes the gains alone"
 )
 
+# standard deviations: 1 of 10,000 drives without such an answer
+ANSWER_SIGMAS = 3.9
+INPUT_LATE = (
+    "the output moves before the input that it answers: the input is recorded late, and no gain holds"
+)
 # s; lags of the ARX models that are compared: one sample more each would say the same
 ARX_S = (0.2, 0.3, 0.4, 0.6, 0.8, 1.1, LONG_AR_S)
 
@@ -49,13 +54,14 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     if fitted is None:
         return None
     fit, tests = fitted
-    separate, which = _separate_poles(trace, usable) if several else None, tuple[str, ...]()
+    separate = _separate_poles(trace, usable) if several else None
+    which, late = "", ""
     if separate is not None:
         channels = separate.channels
     elif several:  # what inputs that share their poles cost each other is in no covariance
         channels = {name: Channel() for name in trace.input_names}
     else:
-        channels, which = _by_arx(trace, usable, orders.nk)
+        channels, which, late = _by_arx(trace, usable, orders.nk)
     explained = (
         armax_fit_percent(fit, trace.output, trace.inputs, usable, trace.segment, trace.dt)
         if separate is None
@@ -63,7 +69,7 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     )
     verdict = plausibility.judge(channels, explained, plausibility.UNLIMITED)
     limited = AT_LIMIT if at_limit and not several else ""
-    reasons = (*verdict.refused, *filter(None, (limited, too_slow)))
+    reasons = (*verdict.refused, *filter(None, (limited, too_slow, late)))
     if reasons:
         channels = dict.fromkeys(channels, Channel())
     elif at_limit:
@@ -83,7 +89,7 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
             *reasons,
             *_polynomials(fit, trace.input_names),
             f"poles {', '.join(map(_pole, fit.poles))}",
-            *which,
+            *filter(None, (which,)),
             *(() if separate is None else _separate_lines(separate.fit, trace)),
         ),
     )
@@ -103,10 +109,8 @@ def _fitted(
     return fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance), tests
 
 
-def _by_arx(
-    trace: Trace, usable: npt.NDArray[np.bool_], nk: int
-) -> tuple[dict[str, Channel], tuple[str, ...]]:
-    """Gain and delays of one input, by an ARX model of the order that AIC prefers, and a line that says which.
+def _by_arx(trace: Trace, usable: npt.NDArray[np.bool_], nk: int) -> tuple[dict[str, Channel], str, str]:
+    """Gain and delays of one input, by an ARX model of the order that AIC prefers; which, and what speaks against them.
 
     In a loop a noise model that is too small biases the answer (Ljung 1999, sec. 13.4): on 24 drives of 10 min K of
     ARMAX(2,2,1) was 0.6 to 1.3 times the truth. ARX models hold every noise as their order grows (sec. 10.4), and AIC lets
@@ -120,10 +124,17 @@ def _by_arx(
     best = min(compared, key=lambda each: np.nan_to_num(each.aic, nan=np.inf)).orders
     fitted = _fitted(trace, usable, best)
     if fitted is None:
-        return dict.fromkeys(trace.input_names, Channel()), ()
+        return dict.fromkeys(trace.input_names, Channel()), "", ""
     fit = fitted[0]
     channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, nk, fit.covariance, trace.dt)
-    return feedback_bias.without_all(channels), (f"K and delays from an ARX model of {best.na} lags, by AIC",)
+    which = f"K and delays from an ARX model of {best.na} lags, by AIC"
+    # nobody answers within the sample: what does so answers an input that is recorded late
+    at_once = _fitted(trace, usable, Orders(best.na, best.nb + 1, 0, 0))
+    late = at_once is not None and any(
+        float(np.sign(b.sum()) * b[0]) > ANSWER_SIGMAS * sd
+        for b, sd in zip(at_once[0].B, at_once[0].standard_errors.B[:, 0].tolist(), strict=True)
+    )
+    return feedback_bias.without_all(channels), which, INPUT_LATE if late else ""
 
 
 class _Separate(NamedTuple):
