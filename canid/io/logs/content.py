@@ -22,8 +22,6 @@ _BEGIN_BYTES = 65_536
 _MAX_LINES = 200
 # how `candump -c` switches colors
 COLOR = re.compile(r"\x1b\[[\d;]{0,16}m")
-# the first bytes of RFC 1952, with deflate, the one method that there is
-_GZIP = b"\x1f\x8b\x08"
 _MARKS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"), (b"\xef\xbb\xbf", "utf-8"))
 # words of a header, in lower case, without blanks and what is in brackets, by which lists of CAN frames are known
 _IDS = {
@@ -49,14 +47,11 @@ def encoding(begin: bytes) -> tuple[str, int]:
 
 
 def is_gzip(path: Path) -> bool:
-    """Whether a file is gzipped, by its suffix or its first bytes, as logs that a recorder rotates are.
-
-    Raises OSError.
-    """
+    """Whether a file is gzipped, by its suffix or its first bytes. Raises OSError."""
     if path.suffix.lower() == ".gz":
         return True
     with path.open("rb") as file:
-        return file.read(len(_GZIP)) == _GZIP
+        return file.read(3) == b"\x1f\x8b\x08"  # RFC 1952, deflate
 
 
 def first_lines(path: Path) -> list[str]:

@@ -3,8 +3,7 @@
 A program that draws lines between readings writes them with the decimals of its file. Each value is then off its line by
 a uniform error of up to half a step, which hides single bends: a period is proposed by the periodogram of the squared
 second differences, and the spline of that period judged by its sum of squares (Widrow & Kollar 2008). With its knots
-halfway between, it must leave more in several segments: what bends once or twice, or nowhere within its rounding, has
-no clock.
+halfway between, it must leave more in half of the segments: what bends a few times has no clock.
 """
 
 from __future__ import annotations
@@ -24,18 +23,12 @@ RATES = np.arange(0.9, 5.0, 0.025)
 # power of the periodogram over its mean, from which on a spline is tried: of 40 independent exponential ones the largest
 # exceeds it once in 10
 MIN_PEAK = 6.0
-# means below which nothing is looked for
-MIN_MEANS = 50
-# relative to the proposed period, and phases of each, that are tried
-PERIODS, PHASES = np.linspace(0.9925, 1.0075, 4), 12
-# rounds in which both become twice as fine
-ROUNDS = 6
+# relative to the proposed period, and phases of each, that are tried; rounds in which both become twice as fine
+PERIODS, PHASES, ROUNDS = np.linspace(0.9925, 1.0075, 4), 12, 6
 # of the readings, that must be straight within their rounding: where noise is larger there is nothing to fit
 STRAIGHT_STEPS, STRAIGHT_SHARE = 2.05, 0.3
-# readings from knot to knot: of fewer a spline takes nearly all
-MIN_KNOT_READINGS = 2.5
-# readings of a span that the spline is fitted to
-READINGS = 200
+# readings from knot to knot, of fewer a spline takes nearly all; means that are needed; readings that it is fitted to
+MIN_KNOT_READINGS, MIN_MEANS, READINGS = 2.5, 50, 200
 # segments that must bend, and their share: a smooth signal bends in some
 MIN_SEGMENTS, MIN_BENT_SHARE = 6, 0.5
 
@@ -69,8 +62,7 @@ def period(t: Array, value: Array, step: float) -> float:
     if not power[k] > MIN_PEAK * power.mean():
         return 0.0
     every = max(len(t) // READINGS, 1)
-    t, value = t[::every], value[::every]
-    t = t - t.mean()
+    t, value = t[::every] - t.mean(), value[::every]
     best = min(
         _left(t, value, dt, phase)
         for dt in (PERIODS / rates[k]).tolist()
@@ -87,20 +79,13 @@ def period(t: Array, value: Array, step: float) -> float:
     for left, dt, phase in (min(_left(t, value, 2.0 * dt, phase + k * dt) for k in (0, 1)), best):
         free = len(t) - (t[-1] - t[0]) / dt - 2.0
         if left <= variance * (free + SURE_SD * (ROUNDING_KURTOSIS * free) ** 0.5):
-            return (
-                dt
-                if _bends(t, np.square(line_residuals(t, value, dt, phase + 0.5 * dt)), dt, phase, variance)
-                else 0.0
-            )
+            # knots halfway between must leave more than the rounding
+            halfway = np.square(line_residuals(t, value, dt, phase + 0.5 * dt))
+            segment = np.floor((t - phase) / dt - 0.5).astype(int)
+            total, length = (np.bincount(segment - segment[0], weights) for weights in (halfway, None))
+            bent = total > variance * (length + SURE_SD * np.sqrt(ROUNDING_KURTOSIS * length))
+            return dt if np.count_nonzero(bent) >= max(MIN_SEGMENTS, MIN_BENT_SHARE * len(bent)) else 0.0
     return 0.0
-
-
-def _bends(t: Array, halfway: Array, dt: float, phase: float, variance: float) -> bool:
-    """Whether knots halfway between leave more than rounding, of this variance, in enough segments."""
-    segment = np.floor((t - phase) / dt - 0.5).astype(int)
-    total, length = (np.bincount(segment - segment[0], weights) for weights in (halfway, None))
-    bent = total > variance * (length + SURE_SD * np.sqrt(ROUNDING_KURTOSIS * length))
-    return bool(np.count_nonzero(bent) >= max(MIN_SEGMENTS, MIN_BENT_SHARE * len(bent)))
 
 
 @lru_cache(8)

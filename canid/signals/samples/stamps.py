@@ -90,9 +90,9 @@ def step(
                 if nominal:
                     apart = nominal / _MICROSECONDS, math.sqrt(off / number) / _MICROSECONDS
                 out.append((k, StampIntervals(role, at, number, mean, math.sqrt(max(variance, 0.0)), *apart)))
-            # the shortest is so by its jitter, which the mean length of a multiple of the one before is not
-            mean_us = round(total / multiples) if multiples else shortest
-            nominal = mean_us if abs(mean_us - shortest) <= MAX_JITTER * shortest else shortest
+            # the shortest is so by its jitter, which the mean of the multiples is not
+            nominal = round(total / multiples) if multiples else shortest
+            nominal = nominal if abs(nominal - shortest) <= MAX_JITTER * shortest else shortest
             span, number, total, squares, shortest, off, multiples = here, 0, 0, 0, 0, 0, 0
         interval = now - last
         if last >= 0 and 0 <= interval <= MAX_INTERVAL_S * _MICROSECONDS:

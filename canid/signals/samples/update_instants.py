@@ -221,13 +221,7 @@ def _line(t: Array, value: Array, dt: float, phase: float) -> float:
 
 
 def line_residuals(t: Array, value: Array, dt: float, phase: float) -> Array:
-    """What the linear spline of least squares leaves that has its knots at k dt + phase.
-
-    Args:
-        t: (n,) s, ascending.
-        value: (n,).
-        dt: s, between the knots.
-        phase: s, of one of them.
+    """(n,) residuals of the linear spline of least squares with knots every dt s, one at `phase`; t: (n,) s, ascending.
 
     >>> t = 0.1 * np.arange(30)
     >>> bool(np.abs(line_residuals(t, np.interp(t, [0.0, 1.0, 2.0, 3.0], [0.0, 2.0, 1.0, 4.0]), 1.0, 0.0)).max() < 1e-6)

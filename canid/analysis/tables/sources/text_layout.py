@@ -111,7 +111,6 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
     if best is None:
         raise LogError(f"{name}: {_missing(lines)}")
     header, k, delimiter = best
-    # a comment by the rules of Python or MATLAB
     if lines[k].startswith(("#", "%")):
         header = header._replace(
             names=[_plain(cell) for cell in split(lines[k].lstrip("#%").lstrip(), delimiter)]
@@ -165,14 +164,12 @@ def _header(rows: list[list[str]], k: int) -> _Header | None:
 def _row_names(rows: list[list[str]], width: int) -> bool:
     """Whether rows have a first cell without a heading that counts them, as R writes tables.
 
-    >>> _row_names([["1", "0.0", "20"], ["2", "0.1", "21"], ["3", "0.2", "21"]], 2)
-    True
-    >>> _row_names([["0.0", "20", "a"], ["0.1", "21", "b"], ["0.2", "21", "c"]], 2)
-    False
+    >>> _row_names([["1", "0.0"], ["2", "0.1"]], 1), _row_names([["0.0", "a"], ["0.1", "b"]], 1)
+    (True, False)
     """
     cells = [row[0] for row in rows if len(row) == width + 1 and row[-1]]
     numbers = [int(cell) for cell in cells if cell.isdecimal()]
-    return len(cells) >= 2 and len(numbers) == len(cells) and all(b - a == 1 for a, b in pairwise(numbers))
+    return 1 < len(cells) == len(numbers) and all(b - a == 1 for a, b in pairwise(numbers))
 
 
 def _is_row(cells: list[str], time: int) -> bool:
