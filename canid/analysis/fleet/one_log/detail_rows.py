@@ -82,4 +82,12 @@ def finding_rows(report: Report) -> list[Row]:
 
 def power_rows(report: Report) -> list[Row]:
     """One row per effect that was not named, with the strength from which on it would have been."""
-    return [visible._asdict() for visible in report.visible]
+    return [
+        {
+            "effect": visible.effect,
+            "parameter": visible.parameter,
+            "strength": number(visible.strength),
+            "unit": visible.unit,
+        }
+        for visible in report.visible
+    ]
