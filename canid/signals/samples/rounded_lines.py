@@ -19,7 +19,7 @@ from canid.values.types import Array
 # s; bends are looked for in means over so long
 MEAN_S = 0.1
 # Hz, of the knots that are looked for, oversampled four times for spans of ten seconds
-RATES = np.arange(36, 200) / 40.0
+RATES: Array = np.arange(36, 200) / 40.0
 # power of the periodogram over its mean, from which on a spline is tried: of 40 independent exponential ones the largest
 # exceeds it once in 10
 MIN_PEAK = 6.0
