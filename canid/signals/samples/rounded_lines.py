@@ -19,7 +19,7 @@ from canid.values.types import Array
 # s; bends are looked for in means over so long
 MEAN_S = 0.1
 # Hz, of the knots that are looked for, oversampled four times for spans of ten seconds
-RATES: Array = np.arange(36, 200) / 40.0
+RATES = np.arange(36, 200) / 40.0
 # power of the periodogram over its mean, from which on a spline is tried: of 40 independent exponential ones the largest
 # exceeds it once in 10
 MIN_PEAK = 6.0
@@ -91,7 +91,8 @@ def period(t: Array, value: Array, step: float) -> float:
 @lru_cache(8)
 def _waves(n: int, interval: float) -> npt.NDArray[np.complex128]:
     """Waves of `RATES` at n instants that are so many s apart, (rates, n)."""
-    return np.exp(-2j * np.pi * interval * np.outer(RATES, np.arange(n)))
+    waves: npt.NDArray[np.complex128] = np.exp(-2j * np.pi * interval * np.outer(RATES, np.arange(n)))
+    return waves
 
 
 def _left(t: Array, value: Array, dt: float, phase: float) -> tuple[float, float, float]:
