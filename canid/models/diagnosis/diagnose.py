@@ -80,11 +80,12 @@ def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str
     whole = every[0] if len(every) == 1 else pooled_drives.pooled(every)
     has_cause = any(finding.where == "driver" for finding in report.findings)
     findings = [finding for trace in traces for finding in output_stamps.standing(trace)]
-    left, says = whole_drive_agreement.diagnosed(channels, whole, extended=has_cause, findings=findings)
+    without = report.baseline.channels if has_cause else None
+    left, says, differs = whole_drive_agreement.diagnosed(channels, whole, without, findings)
     # without causes the last model is the baseline
     baseline = report.baseline if has_cause else report.baseline._replace(channels=left)
     extended = report.extended._replace(channels=left)
-    return report._replace(baseline=baseline, extended=extended, contradictions=says)
+    return report._replace(baseline=baseline, extended=extended, contradictions=says, without_causes=differs)
 
 
 def diagnose_drives(

@@ -41,6 +41,7 @@ def answer(report: Report) -> list[str]:
         >>> from types import SimpleNamespace
         >>> seen = Visible("gear_drift", "rate", 0.35, "1", 0.1)
         >>> one = SimpleNamespace(verdict=Verdict.ADEQUATE, findings=(), visible=(seen,), output="pedal")
+        >>> one.without_causes = ()
         >>> one.extended = SimpleNamespace(channels={})
         >>> answer(one)
         ['Nothing is wrong with the model that this drive could show. A gear drift from 0.35 on would have.']
@@ -52,7 +53,7 @@ def answer(report: Report) -> list[str]:
         Verdict.UNEXPLAINED: _unexplained,
     }.get(report.verdict, parts.sentence)(report)
     driver = response(report.extended.channels, report.output)
-    return [said for said in (first, *_gained(report), driver) if said]
+    return [said for said in (first, *_gained(report), driver, *report.without_causes) if said]
 
 
 def summary(report: Report, log: str = "", vehicle: str = "", more: str = "") -> list[str]:
