@@ -140,8 +140,9 @@ def _adequate(report: Report) -> str:
 
 def _hidden(report: Report) -> str:
     """Which causes of ordinary size this drive would have hidden, those that it nearly shows first; "": none is known."""
-    known = sorted((one for one in report.not_testable if one.evidence > 0), key=lambda one: -one.evidence)
-    each = list(dict.fromkeys(_article(either(one.effects)) for one in known))[:HIDDEN]
+    known = [entry for entry in report.not_testable if entry.evidence > 0]
+    known.sort(key=lambda entry: -entry.evidence)
+    each = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))[:HIDDEN]
     said = " or ".join(filter(None, (", ".join(each[:-1]), *each[-1:])))
     return f" {capitalised(said)} of typical strength would not have." if said else ""
 
