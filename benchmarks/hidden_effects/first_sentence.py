@@ -2,8 +2,9 @@
 
     python -m benchmarks.hidden_effects.first_sentence [--drives 40] [--first-seed 5000] [--workers 1]
 
-A reader sees the first sentence and nothing else: right where one of its intervals holds the planted strength;
-misled where the sentence names causes and none of its intervals does; and nothing is said where it names none.
+A reader sees the first sentence and nothing else: right where it finds the planted cause and one of its intervals holds
+the strength; left open where it has the cause among those that explain the drive as well, or that the drive would have
+hidden; misled where it finds others alone, or another strength; and nothing is said where it names none of these.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 import canid
 from benchmarks.hidden_effects.drawn_drives import print_table
 from canid.ui.views.diagnosis_report.diagnosis_answer import answer
+from canid.values.text.names import readable
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
@@ -44,13 +46,16 @@ class Read(NamedTuple):
     planted: float
     verdict: str
     sentence: str
+    found: tuple[str, ...]  # effects of the findings
 
     @property
     def outcome(self) -> str:
-        """Right, misled, or nothing said."""
-        if self.verdict not in ("named", "one_of"):
-            return "nothing"
-        return "right" if holds(self.sentence, self.planted) else "misled"
+        """Right, misled, left open, or nothing said."""
+        if self.effect in self.found:
+            return "right" if holds(self.sentence, self.planted) else "misled"
+        if readable(self.effect) in self.sentence:
+            return "open"
+        return "misled" if self.verdict in ("named", "one_of") else "nothing"
 
 
 def holds(sentence: str, planted: float) -> bool:
@@ -74,17 +79,18 @@ def run(seed: int) -> Read:
     noise = str(rng.choice(("white", "ar1", "mix")))
     made = plant.plant({effect: {name: planted}}, seed=seed, minutes=10.0, noise=noise, profile="mixed")
     report = canid.diagnose(trace(made))
-    read = Read(seed, effect, planted, report.verdict.value, answer(report)[0])
+    found = tuple(finding.effect for finding in report.findings)
+    read = Read(seed, effect, planted, report.verdict.value, answer(report)[0], found)
     print(f"{read.seed} {read.outcome}: {effect} {planted:.3g}: {read.sentence}", file=sys.stderr, flush=True)
     return read
 
 
 def table(found: Sequence[Read]) -> list[str]:
     """A row for each effect."""
-    lines = ["| planted | drives | right | misled | nothing said |", "|---|---|---|---|---|"]
+    lines = ["| planted | drives | right | misled | left open | nothing said |", "|---|---|---|---|---|---|"]
     for effect in (*PLANTED, ""):
         of = [one.outcome for one in found if not effect or one.effect == effect]
-        counts = " | ".join(str(of.count(what)) for what in ("right", "misled", "nothing"))
+        counts = " | ".join(str(of.count(what)) for what in ("right", "misled", "open", "nothing"))
         lines.append(f"| {effect or 'all'} | {len(of)} | {counts} |")
     return lines
 

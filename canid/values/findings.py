@@ -286,6 +286,7 @@ class _Report(NamedTuple):
     drives: tuple[DriveShare, ...] = ()  # where several were diagnosed together
     # sentences: what `identify` finds on this drive that keeps a number from being quoted
     contradictions: tuple[str, ...] = ()
+    without_causes: tuple[str, ...] = ()  # sentences: what `identify`, which has no causes, gives instead
     differ: tuple[str, ...] = ()  # sentences: what is not the same on all of them
     visible: tuple[Visible, ...] = ()  # what a diagnosis of the driver that passes its tests could have seen
 

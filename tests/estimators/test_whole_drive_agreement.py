@@ -95,11 +95,11 @@ def test_a_gain_with_more_left_over_than_it_gives_is_not_quoted() -> None:
     assert "no point in common" not in says
     made = arbitrated({"armax": found(band(0.14, 0.30)), "fopdt": found(band(0.31, 0.49), left=1.25)})
     mine = {NAME: Channel(band(0.10, 0.22), status=Identifiable.GAIN_ONLY)}
-    left, why = diagnosed(mine, made, extended=False)
+    left, why, _ = diagnosed(mine, made, None)
     assert not quotable(left[NAME], "K")
     assert "the residuals of fopdt still hold a response of 125 %" in why[0]
     # a cause may be what they hold
-    assert diagnosed(mine, made, extended=True) == (mine, ())
+    assert diagnosed(mine, made, mine) == (mine, (), ())
     # less than that withholds delays alone
     one, _, _ = judged(found(band(0.31, 0.49), left=0.9), found(band(0.30, 0.45)))
     assert one.status is Identifiable.GAIN_ONLY
@@ -119,17 +119,37 @@ def test_disjoint_lags_leave_the_sum() -> None:
 
 
 def test_the_diagnosis_is_one_of_the_methods() -> None:
-    """What it and an estimator contradict each other in it does not quote; nor delays that a left-over response refuses."""
+    """Without causes it has the rules of the others; delays that a left-over response refuses it does not quote either."""
     mine = {NAME: Channel(band(5, 7), tau_plus_dead_time=band(0.5, 1.0), status=Identifiable.SUM_ONLY)}
-    left, says = diagnosed(mine, {"fopdt": found(band(1, 2)), "armax": None}, extended=True)
+    left, says, _ = diagnosed(mine, {"fopdt": found(band(1, 2)), "armax": None}, None)
     assert left[NAME].status is Identifiable.NOT
     assert "1.50 [1.00, 2.00] by fopdt but 6.00 [5.00, 7.00] by diagnose" in says[0]
     agreeing = {"fopdt": found(band(5, 7), left=0.9)}
-    assert diagnosed(mine, agreeing, extended=False)[0][NAME].status is Identifiable.GAIN_ONLY
+    assert diagnosed(mine, agreeing, None)[0][NAME].status is Identifiable.GAIN_ONLY
     # causes that the estimators have not explain what those leave
-    assert diagnosed(mine, agreeing, extended=True) == (mine, ())
+    assert diagnosed(mine, agreeing, mine) == (mine, (), ())
     changed = {"fopdt": found(band(5, 7), status=Identifiable.NOT)._replace(details={"changes": ("one",)})}
-    assert diagnosed(mine, changed, extended=False)[0][NAME].status is Identifiable.NOT
+    assert diagnosed(mine, changed, None)[0][NAME].status is Identifiable.NOT
+
+
+def test_a_named_cause_explains_a_difference() -> None:
+    """A model without the cause averages over it, the diagnosis' own baseline as `identify`: then its number holds."""
+    mine = {NAME: Channel(band(5, 7), tau_plus_dead_time=band(0.5, 1.0), status=Identifiable.SUM_ONLY)}
+    whole = {"fopdt": found(band(1, 2)), "armax": found(band(1, 6))}
+    left, why, says = diagnosed(mine, whole, {NAME: Channel(band(1.8, 2.6))})
+    assert (left, why) == (mine, ())
+    assert len(says) == 1
+    assert "Without the cause K of range rate is 1.5 [1.0, 2.0] by fopdt, as in `identify`" in says[0]
+
+
+@pytest.mark.parametrize("baseline", [Channel(band(3, 4)), Channel()])
+def test_a_named_cause_explains_no_other_difference(baseline: Channel) -> None:
+    """Where the diagnosis without its causes finds another number than `identify`, or none, something else differs too."""
+    mine = {NAME: Channel(band(5, 7), status=Identifiable.GAIN_ONLY)}
+    left, why, says = diagnosed(mine, {"fopdt": found(band(1, 2))}, {NAME: baseline})
+    assert left[NAME].status is Identifiable.NOT
+    assert "by diagnose" in why[0]
+    assert says == ()
 
 
 @pytest.mark.parametrize(
@@ -139,8 +159,8 @@ def test_a_gain_of_the_diagnosis_that_nobody_confirms(fit: float, left: float, q
     """It has the rule of every other method, as long as no cause is named."""
     mine = {NAME: Channel(band(1, 2), status=Identifiable.GAIN_ONLY)}
     unsure = found(band(-1, 4), fit=fit, left=left, status=Identifiable.NOT)
-    assert quotable(diagnosed(mine, {"fopdt": unsure}, extended=False)[0][NAME], "K") is quoted
-    assert quotable(diagnosed(mine, {"fopdt": unsure}, extended=True)[0][NAME], "K")
+    assert quotable(diagnosed(mine, {"fopdt": unsure}, None)[0][NAME], "K") is quoted
+    assert quotable(diagnosed(mine, {"fopdt": unsure}, mine)[0][NAME], "K")
 
 
 def test_steering_uses_armax() -> None:
@@ -172,6 +192,8 @@ def contradicted(trace: Trace) -> list[tuple[str, ...]]:
     methods = {name: of.channels for name, of in whole.items() if of is not None}
     report = canid.diagnose(trace)
     methods["diagnose"] = report.extended.channels
+    # what a named cause explains is said, and is no contradiction
+    said = " ".join(report.without_causes)
     delays = {
         name: {key for key, c in of.items() if quotable(c, "tau_plus_dead_time")}
         for name, of in methods.items()
@@ -182,7 +204,12 @@ def contradicted(trace: Trace) -> list[tuple[str, ...]]:
         and fopdt.residual_tests is not None
         and plausibility.left_over(fopdt.residual_tests)
     )
-    out = [(a, b, *of) for a, b in combinations(methods, 2) for of in disjoint(methods[a], methods[b])]
+    out = [
+        (a, b, name, what)
+        for a, b in combinations(methods, 2)
+        for name, what in disjoint(methods[a], methods[b])
+        if b != "diagnose" or f"{agreement.WORDS[what][0]} of {name.replace('_', ' ')} is" not in said
+    ]
     steering = bool(agreement.wrong_for(trace.input_names))
     if left and not steering:
         out += [("armax", key, "a response is left over") for key in delays.get("armax", ())]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import re
 from collections.abc import Callable
@@ -11,7 +12,7 @@ import pytest
 from canid.models.diagnosis.diagnose import diagnose
 from canid.ui.views.diagnosis_report.diagnosis_answer import MAX_LINES, answer, summary
 from canid.ui.views.document.document_text import WIDTH
-from canid.values.findings import Report, Verdict
+from canid.values.findings import NotTestable, Report, Verdict
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
@@ -51,3 +52,16 @@ def test_where_several_causes_fit_the_first_sentence_has_the_number_and_the_othe
     assert "0.34" in first
     assert "this drive cannot say which" in first
     assert not re.search(r"[{}_]|nats|held-out", first)
+
+
+def test_what_the_drive_would_have_hidden_is_said_where_nothing_is_found(
+    report_of: Callable[..., Report],
+) -> None:
+    """What it nearly shows first; what has no expected evidence, such as two causes that are the same, is left out."""
+    undecided = [
+        NotTestable(("speed_gain",), "", 7.0, 13.0),
+        NotTestable(("range_offset", "standstill_gap"), "", math.nan, math.nan),
+        NotTestable(("headway_dead_zone",), "", 9.0, 13.0),
+    ]
+    first = answer(report_of(Verdict.ADEQUATE)._replace(not_testable=tuple(undecided)))[0]
+    assert first.endswith("A headway dead zone or a speed gain of typical strength would not have.")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from canid.io.buses.bus_reader import Arrival, BusReader
 
 # s between two clocks from which on it is reported: less cannot be distinguished from delays
@@ -32,7 +34,8 @@ class ClockEvents:
         added = each.bus.offset_ns
         if added != self._added[arrival.bus]:
             self._added[arrival.bus] = added
-            says = f"{name}: its stamps do not count from 1970: {added:,} ns are added to each"
+            zero = np.datetime64(added // 10**6, "ms")
+            says = f"{name}: its stamps do not count from 1970: {zero} UTC is added to each"
             self._report("stamp_offset", says)
 
     def since_the_last_call(self) -> None:

@@ -1,15 +1,17 @@
 """The arbiter of a whole drive: what methods contradict each other in, none of them may quote.
 
 A method judges its own fit. Here alone the methods are held against each other, those of `identify` and the diagnosis:
-disjoint intervals, a response that is left over, which no method with the same form of answer has either, gains that
-only one of them knows, and changes or drifts during the drive, which hold for all. The same engine as live
+disjoint intervals that no cause explains which the diagnosis names, a response that is left over, which no method with the
+same form of answer has either, gains that only one of them knows, and changes or drifts during the drive, which hold for
+all. The same engine as live
 (agreement.py), without its five seconds: a whole drive has no burst to wait for. Live it is one status for an estimate;
 here each parameter of each input is judged for itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import combinations
 
 from canid.mathematics.estimators import agreement, plausibility
@@ -17,11 +19,14 @@ from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification.identifiability import (
     PARAMETERS,
     QUOTABLE,
+    apart,
     gain_only,
     not_quotable,
     quotable,
     sum_only,
 )
+from canid.values.text.names import readable
+from canid.values.text.numbers import interval
 from canid.values.types import Channel, SignalFinding
 
 # What each estimator's model takes to be so.
@@ -40,7 +45,7 @@ CHANGED = "the gains changed during the drive: none of these holds for all of it
 
 
 def arbitrated(
-    whole: Mapping[str, WholeDrive | None], explained: Collection[str] = ()
+    whole: Mapping[str, WholeDrive | None], explained: Mapping[str, Mapping[str, Channel]] | None = None
 ) -> dict[str, WholeDrive | None]:
     """Withhold what methods contradict each other in, and say what each would need to be right.
 
@@ -51,8 +56,10 @@ def arbitrated(
 
     Args:
         whole: method -> its result; None: it has none.
-        explained: methods whose causes explain what the residuals of others hold and what changes for them.
+        explained: methods with causes, which explain what the residuals of others hold and what changes for them -> what
+            the same method finds without these; None: there are none.
     """
+    explained = explained or {}
     out = {name: _without_gains_left_over(result) for name, result in whole.items()}
     made = {name: result for name, result in out.items() if result is not None}
     inputs = {key for result in made.values() for key in result.channels}
@@ -64,6 +71,13 @@ def arbitrated(
             out[name] = _without_delays(out[name], says if name == method else of_other)
     for a, b in combinations(agreement.by_headline(made, inputs), 2):
         for name, what in disjoint(made[a].channels, made[b].channels):
+            if any(
+                _agree(without, made[other].channels, name, what)
+                for method, without in explained.items()
+                for other in {a, b} - {method}
+                if method in (a, b)
+            ):
+                continue
             key = (a, b, name, what)
             says = agreement.both(key, made[a].channels, made[b].channels)
             if (a in wrong) != (b in wrong):
@@ -104,28 +118,57 @@ def without_delays(
 def diagnosed(
     channels: Mapping[str, Channel],
     whole: Mapping[str, WholeDrive | None],
-    extended: bool,
+    baseline: Mapping[str, Channel] | None,
     findings: Iterable[SignalFinding] = (),
-) -> tuple[dict[str, Channel], tuple[str, ...]]:
-    """What the diagnosis may quote next to the estimators of `identify`, and why not the rest.
+) -> tuple[dict[str, Channel], tuple[str, ...], tuple[str, ...]]:
+    """What the diagnosis may quote next to the estimators of `identify`, why not the rest, and what differs by its causes.
+
+    A model without a cause averages over it: where the diagnosis without its causes agrees with an estimator, these are
+    the whole difference, and its own number holds.
 
     Args:
         channels: of the diagnosis.
         whole: estimator -> its result, as `arbitrated` leaves it; None: it has none.
-        extended: the diagnosis has found causes: its answer is of first order no longer.
+        baseline: its channels without the causes that it has found, with which its answer is of first order no longer;
+            None: it has found none.
         findings: on the drives' signals.
 
     >>> from canid.values.types import Identifiable, Interval
     >>> one, other = (Channel(Interval(K, K - 1, K + 1), status=Identifiable.GAIN_ONLY) for K in (2.0, 5.0))
-    >>> left, why = diagnosed({"range_rate": one}, {"fopdt": WholeDrive({"range_rate": other})}, False)
+    >>> left, why, _ = diagnosed({"range_rate": one}, {"fopdt": WholeDrive({"range_rate": other})}, None)
     >>> left["range_rate"].status.value, why[0].partition(":")[0]
     ('not_identifiable', 'range rate')
+    >>> _, _, says = diagnosed({"range_rate": one}, {"fopdt": WholeDrive({"range_rate": other})}, {"range_rate": other})
+    >>> says[0].partition(", as")[0]
+    'Without the cause K of range rate is 5.0 [4.0, 6.0] by fopdt'
     """
     others = {name: result for name, result in whole.items() if name not in agreement.wrong_for(channels)}
     mine = without_delays({DIAGNOSIS: WholeDrive(channels)}, findings)
-    out = arbitrated({**others, **mine}, {DIAGNOSIS} if extended else ())[DIAGNOSIS]
+    out = arbitrated({**others, **mine}, None if baseline is None else {DIAGNOSIS: baseline})[DIAGNOSIS]
     assert out is not None
-    return dict(out.channels), out.lines
+    return dict(out.channels), out.lines, tuple(_without_causes(out.channels, others))
+
+
+def _agree(first: Mapping[str, Channel], other: Mapping[str, Channel], name: str, what: str) -> bool:
+    """Whether two methods give a number of an input, and one that both intervals hold."""
+    both = [getattr(channels.get(name, Channel()), what) for channels in (first, other)]
+    return all(math.isfinite(iv.value) for iv in both) and not apart(both)
+
+
+def _without_causes(mine: Mapping[str, Channel], others: Mapping[str, WholeDrive | None]) -> Iterator[str]:
+    """What estimators without the causes give for what the diagnosis quotes, where that is another number."""
+    given: dict[tuple[str, str], list[str]] = {}
+    for method, result in others.items():
+        if result is None:
+            continue
+        for name, what in disjoint(mine, result.channels):
+            text = interval(getattr(result.channels[name], what), "" if what == "K" else "s")
+            given.setdefault((name, what), []).append(f"{text} by {method}")
+    for (name, what), said in given.items():
+        yield (
+            f"Without the cause {agreement.WORDS[what][0]} of {readable(name)} is {' and '.join(said)}, as in `identify`: "
+            "an average over the cause, not to be quoted."
+        )
 
 
 def _neither(says: str, methods: tuple[str, str]) -> str:
@@ -232,7 +275,7 @@ def _said(result: WholeDrive, channels: Mapping[str, Channel], reason: str) -> W
 
 
 def _with_changes(
-    whole: dict[str, WholeDrive | None], explained: Collection[str]
+    whole: dict[str, WholeDrive | None], explained: Mapping[str, object]
 ) -> dict[str, WholeDrive | None]:
     """Where one method finds that the gains changed, nothing that another says of the whole drive may be quoted."""
     if not any(result.details.get("changes") for result in whole.values() if result is not None):

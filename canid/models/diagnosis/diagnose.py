@@ -20,7 +20,7 @@ from canid.signals.signal_checks.output_ends import reached
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.findings import Report
 from canid.values.text.names import capitalised
-from canid.values.types import TASK_INPUTS, Trace
+from canid.values.types import TASK_INPUTS, Channel, Trace
 
 # s of driving that a diagnosis needs: in less than two minutes no cause stands out from chance (evidence grows with time)
 MIN_DRIVING_S = 90.0
@@ -78,13 +78,23 @@ def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str
         for trace in traces
     ]
     whole = every[0] if len(every) == 1 else pooled_drives.pooled(every)
-    has_cause = any(finding.where == "driver" for finding in report.findings)
+    without = _without_causes(report)
     findings = [finding for trace in traces for finding in output_stamps.standing(trace)]
-    left, says = whole_drive_agreement.diagnosed(channels, whole, extended=has_cause, findings=findings)
+    left, says, differs = whole_drive_agreement.diagnosed(channels, whole, without, findings)
     # without causes the last model is the baseline
-    baseline = report.baseline if has_cause else report.baseline._replace(channels=left)
+    baseline = report.baseline._replace(channels=left) if without is None else report.baseline
     extended = report.extended._replace(channels=left)
-    return report._replace(baseline=baseline, extended=extended, contradictions=says)
+    return report._replace(baseline=baseline, extended=extended, contradictions=says, without_causes=differs)
+
+
+def _without_causes(report: Report) -> Mapping[str, Channel] | None:
+    """The driver without the causes named, which explain differences; {}: not sure which they are; None: none named."""
+    causes = [finding for finding in report.findings if finding.where == "driver"]
+    if not causes:
+        return None
+    # each cause moves the numbers by another amount
+    sure = not any(cause.rivals or cause.surrogate for cause in causes)
+    return report.baseline.channels if sure else {}
 
 
 def diagnose_drives(

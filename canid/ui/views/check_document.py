@@ -28,6 +28,8 @@ PANEL_PX = 78
 MAX_CHANGES_DRAWN, MAX_MARKS = 40, 400
 # significant digits: enough to see an offset of 0.1 in 100
 TABLE_DIGITS = 4
+# of a position: 1 m is the fifth decimal of a degree
+POSITION_DIGITS = {"lat": 7, "lon": 8}
 # share of the time from which on a role that is stale is marked
 MARKED_STALE_PERCENT = 1.0
 # ids that are listed without a click
@@ -130,8 +132,9 @@ def _roles(checked: Check) -> list[dict[str, doc.Cell]]:
     """What is known of each role, by the head of its column."""
     rows = []
     for row in checked.rows:
-        points = (row.rate, row.missing_percent, row.low, row.median, row.high)
-        shown = [number(x, digits=TABLE_DIGITS) for x in points]
+        digits = POSITION_DIGITS.get(row.role, TABLE_DIGITS)
+        shown = [number(x, digits=TABLE_DIGITS) for x in (row.rate, row.missing_percent)]
+        shown += [number(x, digits=digits) for x in (row.low, row.median, row.high)]
         cells: dict[str, doc.Cell] = dict(zip((">1/s", ">missing %", *RANGE), shown, strict=True))
         cells |= {
             "role": row.role,

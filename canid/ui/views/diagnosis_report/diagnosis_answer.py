@@ -20,12 +20,14 @@ from canid.values.findings import (
     extends,
     used_time,
 )
-from canid.values.text.names import capitalised, readable
+from canid.values.text.names import capitalised, either, readable
 from canid.values.text.numbers import number, role_unit
 from canid.values.types import Interval
 
 # effects that the drive would have shown which are named in the answer; the details have all
 VISIBLE = 2
+# and those which it would have hidden
+HIDDEN = 4
 # lines of the summary, and drives that it advises
 MAX_LINES, ADVICE = 30, 2
 # min; longer drives than that nobody plans for one cause
@@ -41,6 +43,7 @@ def answer(report: Report) -> list[str]:
         >>> from types import SimpleNamespace
         >>> seen = Visible("gear_drift", "rate", 0.35, "1", 0.1)
         >>> one = SimpleNamespace(verdict=Verdict.ADEQUATE, findings=(), visible=(seen,), output="pedal")
+        >>> one.without_causes = one.not_testable = ()
         >>> one.extended = SimpleNamespace(channels={})
         >>> answer(one)
         ['Nothing is wrong with the model that this drive could show. A gear drift from 0.35 on would have.']
@@ -52,7 +55,7 @@ def answer(report: Report) -> list[str]:
         Verdict.UNEXPLAINED: _unexplained,
     }.get(report.verdict, parts.sentence)(report)
     driver = response(report.extended.channels, report.output)
-    return [said for said in (first, *_gained(report), driver) if said]
+    return [said for said in (first, *_gained(report), driver, *report.without_causes) if said]
 
 
 def summary(report: Report, log: str = "", vehicle: str = "", more: str = "") -> list[str]:
@@ -132,7 +135,16 @@ def _adequate(report: Report) -> str:
     seen = [visible for visible in report.visible if math.isfinite(visible.strength)][:VISIBLE]
     would = f" {capitalised(' or '.join(map(_visible, seen)))} would have." if seen else ""
     noise = "".join(f" {finding.says}" for finding in report.findings)
-    return f"Nothing is wrong with the model that this drive could show.{would}{noise}"
+    return f"Nothing is wrong with the model that this drive could show.{would}{_hidden(report)}{noise}"
+
+
+def _hidden(report: Report) -> str:
+    """Which causes of ordinary size this drive would have hidden, those that it nearly shows first; "": none is known."""
+    known = [entry for entry in report.not_testable if entry.evidence > 0]
+    known.sort(key=lambda entry: -entry.evidence)
+    each = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))[:HIDDEN]
+    said = " or ".join(filter(None, (", ".join(each[:-1]), *each[-1:])))
+    return f" {capitalised(said)} of typical strength would not have." if said else ""
 
 
 def _visible(visible: Visible) -> str:

@@ -48,6 +48,7 @@ def text(report: Report, log: str = "", vehicle: str = "", width: int | None = N
         _first(visible(report), VISIBLE_SHOWN, "in --json"),
         Listing(parts.advice(report), "a drive that would decide"),
         _parameters(report),
+        Listing(report.without_causes),
         drives(report),
         model(report),
         *_checks(report),

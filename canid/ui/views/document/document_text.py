@@ -48,9 +48,10 @@ def block_lines(block: Block, width: int | None = None) -> list[str]:
     return [block.title] * bool(block.title and made) + [indent + line for line in made]
 
 
-# a number that stays in one line with its 95 % interval and its unit
+# a number that stays in one line with its symbol, its 95 % interval and its unit
 _UNIT = r"(?: (?:%|°|s|m|ms|min|h|m/s²?|km/h|Hz|rad/s)(?![\w/²]))"
-WHOLE_NUMBER = re.compile(rf"[-+±]?\d[\d.,]*(?: \[[^\[\]]{{1,40}}\]{_UNIT}?|{_UNIT})")
+_SYMBOL = r"(?:(?<!\w)(?:K|τ\+θ|τ|θ) )?(?:[<>] )?"
+WHOLE_NUMBER = re.compile(rf"{_SYMBOL}[-+±]?\d[\d.,]*(?: \[[^\[\]]{{1,40}}\]{_UNIT}?|{_UNIT})")
 # a character that no text has, and at which no line is broken
 _KEPT = "\ufffe"
 
@@ -61,6 +62,8 @@ def wrapped(text: str, width: int | None = WIDTH, hang: str = "  ") -> list[str]
     Example:
         >>> wrapped("later by 0.73 [0.57, 0.91] s", 22)
         ['later by', '  0.73 [0.57, 0.91] s']
+        >>> wrapped("by 1.1 s (τ 0.8 [0.4, 1.1] s)", 26)
+        ['by 1.1 s', '  (τ 0.8 [0.4, 1.1] s)']
     """
     if width is None:
         return [text]

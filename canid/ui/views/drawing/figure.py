@@ -53,15 +53,22 @@ def script(figures: Sequence[Figure]) -> str:
 
 
 def to_list(array: Array) -> list[Any]:
-    """An array as nested lists for JSON: five significant digits, null for NaN.
+    """An array as nested lists for JSON: five significant digits after those that all values share, null for NaN.
 
     Example:
-        >>> to_list(np.array([[0.1234567, np.nan]]))
-        [[0.12346, None]]
+        >>> to_list(np.array([[0.1234567, np.nan]])), to_list(np.array([46.870512, 46.870534]))
+        ([[0.12346, None]], [46.870512, 46.870534])
     """
     if array.ndim > 1:
         return [to_list(row) for row in array]
-    return [float(f"{x:.{PLOT_DIGITS}g}") if math.isfinite(x) else None for x in array.tolist()]
+    digits = PLOT_DIGITS + _same_digits(array[np.isfinite(array)])
+    return [float(f"{x:.{digits}g}") if math.isfinite(x) else None for x in array.tolist()]
+
+
+def _same_digits(x: Array) -> int:
+    """How many leading digits all values share: a latitude's are the same over a drive."""
+    span = float(np.ptp(x.astype(float))) if len(x) else 0.0
+    return max(math.floor(math.log10(float(np.abs(x).max()) / span)), 0) if 0.0 < span < math.inf else 0
 
 
 def times(t: Array) -> list[float]:
