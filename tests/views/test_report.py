@@ -418,13 +418,13 @@ def test_an_estimate_at_a_bound_is_marked_and_has_no_interval(named: Report) -> 
     of = named.extended.channels["range_rate"]._replace(tau=late)
     shifts = dict(named.shifts) | {"range_rate tau": (named.shifts["range_rate tau"][0], late)}
     wide = named.findings[0]._replace(
-        parameters={"width": Interval(1.5, 0.0, 1.5)}, says="Within ±1.5 [0, 1.5] s."
+        parameters={"width": Interval(1.5, 0.0, 1.5)}, says="Within ±1.5 [0.0, 1.5] s."
     )
     report = named._replace(
         extended=named.extended._replace(channels=dict(named.extended.channels) | {"range_rate": of}),
         shifts=shifts,
         findings=(wide,),
-        says="In the driver: Within ±1.5 [0, 1.5] s.",
+        says="In the driver: Within ±1.5 [0.0, 1.5] s.",
     )
     marked = "at its upper bound, 3 s (95 %: above 1.94 s)"
     html = unspanned(page(report))
@@ -437,7 +437,7 @@ def test_an_estimate_at_a_bound_is_marked_and_has_no_interval(named: Report) -> 
     for shown in (words, text):
         assert "[1.94, 3.00]" not in shown
         assert "[0.00, 1.50]" not in shown
-        assert "[0, 1.5]" not in shown
+        assert "[0.0, 1.5]" not in shown
         assert "Within ±1.5 (the upper bound of what is searched) s." in shown
     # the verdict says it as well
     remark = "Width of headway dead zone is at the upper bound of what is searched, 1.5 s: not an estimate."

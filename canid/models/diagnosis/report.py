@@ -35,7 +35,7 @@ from canid.values.findings import (
 )
 from canid.values.identified_model import IdentifiedModel
 from canid.values.output_role import output_role
-from canid.values.text.numbers import chance, number
+from canid.values.text.numbers import chance, interval
 from canid.values.types import NAN, Array, Interval, Trace
 
 Signal = tuple[str, Array]  # role, (n,)
@@ -183,7 +183,7 @@ def finding(
     """
     says = in_unit(cause.effect.says)
     for name, iv in estimates.items():
-        says = says.replace("{" + name + "}", f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]")
+        says = says.replace("{" + name + "}", interval(iv))
     return Finding(
         effect=cause.effect.id, where=cause.effect.where, rivals=cause.rivals, surrogate=not held.passed,
         parameters=estimates, units={p.name: in_unit(p.unit) for p in cause.effect.parameters}, gain=gained.gain, says=says,

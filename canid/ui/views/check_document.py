@@ -18,7 +18,7 @@ from canid.ui.views.drawing.panels import Panel, instants, signal, stack, titled
 from canid.ui.views.drive_report import enough, gates
 from canid.ui.views.drive_report.strips import strips
 from canid.values.text.names import readable
-from canid.values.text.numbers import number, role_unit
+from canid.values.text.numbers import number, role_unit, same_digits
 from canid.values.types import NAN, Signal
 
 # points of a line: a log has some ten roles
@@ -28,8 +28,8 @@ PANEL_PX = 78
 MAX_CHANGES_DRAWN, MAX_MARKS = 40, 400
 # significant digits: enough to see an offset of 0.1 in 100
 TABLE_DIGITS = 4
-# of a position: 1 m is the fifth decimal of a degree
-POSITION_DIGITS = {"lat": 7, "lon": 8}
+# and as many as show how a position moves, which hardly does
+FINE_DIGITS = 8
 # share of the time from which on a role that is stale is marked
 MARKED_STALE_PERCENT = 1.0
 # ids that are listed without a click
@@ -132,7 +132,7 @@ def _roles(checked: Check) -> list[dict[str, doc.Cell]]:
     """What is known of each role, by the head of its column."""
     rows = []
     for row in checked.rows:
-        digits = POSITION_DIGITS.get(row.role, TABLE_DIGITS)
+        digits = min(TABLE_DIGITS + same_digits(row.low, row.high), FINE_DIGITS)
         shown = [number(x, digits=TABLE_DIGITS) for x in (row.rate, row.missing_percent)]
         shown += [number(x, digits=digits) for x in (row.low, row.median, row.high)]
         cells: dict[str, doc.Cell] = dict(zip((">1/s", ">missing %", *RANGE), shown, strict=True))

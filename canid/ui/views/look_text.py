@@ -14,7 +14,7 @@ import numpy as np
 from canid.values.bus_names import bus_text
 from canid.values.log_contents import BusContents, LogContents, MessageContents, SignalContents
 from canid.values.terminal_text import terminal_text
-from canid.values.text.numbers import DASH, number
+from canid.values.text.numbers import DASH, number, same_digits
 from canid.values.types import Array
 
 # characters of a line: where the output is no terminal, and what a terminal is taken for at least and at most
@@ -35,7 +35,7 @@ MAX_DRAWN_BYTES = 16
 # s after the start (before the end) of the log from which on the first (last) frame is shown
 LATE_S = 1.0
 SORTS = ("id", "rate", "changes")
-DIGITS, FINE_DIGITS = 4, 7
+DIGITS, FINE_DIGITS = 4, 8
 
 
 class Head(NamedTuple):
@@ -250,11 +250,8 @@ def _signals(contents: LogContents, width: int, sort: str, everything: bool) -> 
 
 
 def _signal(signal: SignalContents, chars: int) -> list[str]:
-    # a position hardly moves: as many digits as show that it does
-    same = signal.low != signal.high and number(signal.low, digits=DIGITS) == number(
-        signal.high, digits=DIGITS
-    )
-    digits = FINE_DIGITS if same else DIGITS
+    # a position hardly moves: as many digits as show how it does
+    digits = min(DIGITS + same_digits(signal.low, signal.high), FINE_DIGITS)
     texts = [
         _cut(text, chars) or number(value, digits=digits)
         for text, value in (

@@ -173,7 +173,7 @@ def without_intervals(says: str, report: Report) -> str:
     for finding in report.findings:
         for name, at in of_finding(finding).items():
             iv = finding.parameters[name]
-            shown = f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]"
+            shown = interval(iv)
             says = says.replace(shown, f"{number(at.end)} (the {at.side} bound of what is searched)")
     return says
 

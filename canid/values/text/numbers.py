@@ -92,6 +92,17 @@ def number(x: float, unit: str = "", digits: int = PLAIN_DIGITS) -> str:
     return _with_unit(text, unit)
 
 
+def same_digits(low: float, high: float) -> int:
+    """How many leading digits are the same in a range: those of a position are, over a drive.
+
+    Example:
+        >>> same_digits(46.8701, 46.8714), same_digits(16.85, 16.87), same_digits(0.0, 3.0), same_digits(2.0, 2.0)
+        (4, 2, 0, 0)
+    """
+    span = high - low
+    return math.floor(math.log10(max(abs(low), abs(high)) / span)) if 0.0 < span < math.inf else 0
+
+
 def p_text(p: float) -> str:
     """A p-value in words; below a thousandth nobody decides by its size.
 

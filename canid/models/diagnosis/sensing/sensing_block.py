@@ -17,7 +17,7 @@ from canid.models.effects import CATALOGUE
 from canid.models.effects.effect import Effect
 from canid.models.effects.redundancy import Pattern, Relation
 from canid.values.findings import Blocked, Check, Finding, NotTestable
-from canid.values.text.numbers import number
+from canid.values.text.numbers import interval
 from canid.values.types import Interval, Trace
 
 # an effect, and what a coefficient says of it
@@ -143,7 +143,7 @@ def _finding(
     estimates = {p.name: iv for p, iv in zip(effect.parameters, pattern.parameters, strict=True)}
     says = effect.says
     for name, iv in estimates.items():
-        says = says.replace("{" + name + "}", f"{number(iv.value)} [{number(iv.low)}, {number(iv.high)}]")
+        says = says.replace("{" + name + "}", interval(iv))
     return Finding(
         effect=effect.id, where=effect.where, rivals=rivals, surrogate=False, parameters=estimates,
         units={p.name: p.unit for p in effect.parameters}, gain=gain, says=says,

@@ -27,6 +27,7 @@ from canid.models.diagnosis.vehicle.vehicle_search import (
 from canid.models.effects import CATALOGUE
 from canid.models.effects.effect import DriveFeatures, Effect, Screening, Unavailable
 from canid.values.findings import Blocked, Check, Finding, Flags, NotTestable, Tried
+from canid.values.text.names import readable
 from canid.values.text.numbers import chance, number
 from canid.values.types import NAN, Array, Interval, Trace
 
@@ -329,4 +330,6 @@ def _briefly(effect: Effect, search: VehicleSearch) -> str:
     model = search.solved.model
     first = place(model, effect.id).start
     unit = effect.parameters[0].unit
-    return f"{effect.id} {number(search.solved.q[first], digits=2)}{' ' + unit if unit != '1' else ''}"
+    return (
+        f"{readable(effect.id)} {number(search.solved.q[first], digits=2)}{' ' + unit if unit != '1' else ''}"
+    )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from canid.values.findings import Provenance
 
 # that change a comparison
-OPTIONS = ("--halves", "--vehicle", "--vehicle-a", "--vehicle-b", *READ_BY[1:], *PART, "--diagnose")
+OPTIONS = ("--halves", *READ_BY, "--vehicle-a", "--vehicle-b", *PART, "--diagnose")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,6 +88,7 @@ def _provenance(args: argparse.Namespace, files: list[str], command: str) -> Pro
     from canid.values.findings import Provenance
 
     vehicles = [name for name in (args.vehicle, args.vehicle_a, args.vehicle_b) if name]
+    files = list(dict.fromkeys(files))  # both sides may be parts of one log
     return Provenance(
         log=", ".join(files),
         log_sha256=", ".join(map(sha256, files)),

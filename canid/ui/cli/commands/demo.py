@@ -30,6 +30,7 @@ from canid.values import bounded_numbers
 from canid.values.errors import CHECK_FAILED, DONE
 from canid.values.text import estimate_text
 from canid.values.text.names import SYMBOLS, readable
+from canid.values.text.numbers import number
 from canid.values.types import Channel, Identifiable, Interval
 
 # factor of real time: three minutes take half a minute
@@ -188,8 +189,10 @@ def diagnose_hidden(
         "onto the bus at once, recorded, and diagnosed"
     )
     vehicle = read_vehicle("generic")
-    effect = next(each.id for each in CATALOGUE if each.in_demo)
-    simulation = simulate(minutes=HIDDEN_MINUTES, seed=HIDDEN_SEED, profile=HIDDEN_PROFILE, hide={effect: ()})
+    effect = next(each for each in CATALOGUE if each.in_demo)
+    simulation = simulate(
+        minutes=HIDDEN_MINUTES, seed=HIDDEN_SEED, profile=HIDDEN_PROFILE, hide={effect.id: ()}
+    )
     write(*hidden, simulation, vehicle)
     recorder = record_at_once(hidden[0].path, recording.path).recorder
     log = str(recorder.path)
@@ -199,10 +202,12 @@ def diagnose_hidden(
     diagnosis = diagnosis._replace(provenance=provenance((log,), vehicle, command))
     for line in diagnosis_answer.summary(diagnosis, log, vehicle.name):
         show(line)
-    show(f"hidden effect: {', '.join(f'{k} {v}' for k, v in simulation.truth['hidden'].items())}")
+    strength = simulation.truth["hidden"][effect.id]
+    planted = [f"{p.name} {number(strength[p.name], p.unit)}" for p in effect.parameters]
+    show(f"hidden effect: {readable(effect.id)}, {', '.join(planted)}")
     with complete_files.opened_file(report) as file:
         file.write(page(diagnosis, vehicle.name))
-    return any(effect in (finding.effect, *finding.rivals) for finding in diagnosis.findings)
+    return any(effect.id in (finding.effect, *finding.rivals) for finding in diagnosis.findings)
 
 
 def _truth(values: dict[str, float]) -> str:

@@ -140,7 +140,8 @@ def _adequate(report: Report) -> str:
 
 def _hidden(report: Report) -> str:
     """Which causes of ordinary size this drive would have hidden, those that it nearly shows first; "": none is known."""
-    known = [entry for entry in report.not_testable if entry.evidence > 0]
+    seen = {visible.effect for visible in report.visible if math.isfinite(visible.strength)}
+    known = [entry for entry in report.not_testable if entry.evidence > 0 and not seen & set(entry.effects)]
     known.sort(key=lambda entry: -entry.evidence)
     each = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))[:HIDDEN]
     said = " or ".join(filter(None, (", ".join(each[:-1]), *each[-1:])))

@@ -38,8 +38,9 @@ def sentence(report: Report) -> str:
 
 
 def block_says(block: Blocked, report: Report) -> str:
-    """What a block says, without the verdict's word."""
-    return without_verdict(search_bounds.without_intervals(block.says, report))
+    """What a block says, without the verdict's word; what the verdict says of it is not said again."""
+    said = without_verdict(search_bounds.without_intervals(block.says, report))
+    return "as said above" if said and said in sentence(report) else said
 
 
 def block_state(block: Blocked) -> str:

@@ -50,7 +50,7 @@ def block_lines(block: Block, width: int | None = None) -> list[str]:
 
 # a number that stays in one line with its symbol, its 95 % interval and its unit
 _UNIT = r"(?: (?:%|°|s|m|ms|min|h|m/s²?|km/h|Hz|rad/s)(?![\w/²]))"
-_SYMBOL = r"(?:(?<!\w)(?:K|τ\+θ|τ|θ) )?(?:[<>] )?"
+_SYMBOL = r"(?:(?<!\w)(?:K|τ\+θ|τ|θ) )?"
 WHOLE_NUMBER = re.compile(rf"{_SYMBOL}[-+±]?\d[\d.,]*(?: \[[^\[\]]{{1,40}}\]{_UNIT}?|{_UNIT})")
 # a character that no text has, and at which no line is broken
 _KEPT = "\ufffe"

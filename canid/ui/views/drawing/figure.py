@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from canid.values.text.numbers import same_digits
 from canid.values.types import Array
 
 Spec = dict[str, Any]
@@ -61,14 +62,9 @@ def to_list(array: Array) -> list[Any]:
     """
     if array.ndim > 1:
         return [to_list(row) for row in array]
-    digits = PLOT_DIGITS + _same_digits(array[np.isfinite(array)])
+    known = array[np.isfinite(array)]
+    digits = PLOT_DIGITS + (same_digits(float(known.min()), float(known.max())) if len(known) else 0)
     return [float(f"{x:.{digits}g}") if math.isfinite(x) else None for x in array.tolist()]
-
-
-def _same_digits(x: Array) -> int:
-    """How many leading digits all values share: a latitude's are the same over a drive."""
-    span = float(np.ptp(x.astype(float))) if len(x) else 0.0
-    return max(math.floor(math.log10(float(np.abs(x).max()) / span)), 0) if 0.0 < span < math.inf else 0
 
 
 def times(t: Array) -> list[float]:

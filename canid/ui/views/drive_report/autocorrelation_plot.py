@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from canid.analysis.drive.drive_series import Autocorrelation
-from canid.ui.views.drawing.figure import MARGIN_PX, Figure, threshold_line, times, to_list
+from canid.ui.views.drawing.figure import Figure, threshold_line, times, to_list
 from canid.ui.views.drawing.grid import Tile, grid
 from canid.values.text.numbers import number
 from canid.values.types import ResidualTests
@@ -26,7 +26,12 @@ def autocorrelation_plot(name: str, correlation: Autocorrelation, tests: Residua
     shapes = [threshold_line(xref="paper", yref="y", x0=0, x1=1, y0=y, y1=y) for y in at]
     most = 1.2 * max(float(np.max(np.abs(correlation.r), initial=0.0)), correlation.bound)
     ordinate = {"range": [-most, most], "zeroline": True, "zerolinecolor": "@rule"}
-    tile = Tile("", [bars], {"range": [0.0, float(correlation.lag[-1] + correlation.lag[0] / 2)]}, ordinate)
+    tile = Tile(
+        "autocorrelation",
+        [bars],
+        {"range": [0.0, float(correlation.lag[-1] + correlation.lag[0] / 2)]},
+        ordinate,
+    )
     outside = f"{int(beyond.sum())} of {len(correlation.r)} lags are beyond it"
     tested = ""
     if tests is not None and tests.statistic == tests.statistic:
@@ -41,5 +46,5 @@ def autocorrelation_plot(name: str, correlation: Autocorrelation, tests: Residua
         f"Bars of the residual's autocorrelation over {len(correlation.r)} lags up to "
         f"{number(float(correlation.lag[-1]))} s, with bounds",
     )
-    titles = ("lag (s)", "autocorrelation (1)")
-    return grid(figure, [tile], titles, HEIGHT_PX, shapes=shapes, bargap=0.4, margin=MARGIN_PX | {"t": 16})
+    titles = ("lag (s)", "")
+    return grid(figure, [tile], titles, HEIGHT_PX, shapes=shapes, bargap=0.4)
