@@ -1,10 +1,12 @@
 """What sensors do to a measurement: coverage of quoted intervals, what is withheld, what is named.
 
-    python -m benchmarks sensor_effects [--drives 10] [--diagnosed 1] [--effect WORD] [--drawn N] [--first-seed 46000]
+    python -m benchmarks sensor_effects [--drives 10] [--diagnosed 1] [--effect WORD] [--drawn N] [--clean N]
 
 Drives of two simulators that are not canid's (tests/plants/outside_drives.py), each effect of
 tests/plants/sensor_effects.py at four strengths, as tables. `--drawn N` draws combinations of up to three effects
 instead, and lists each number that covered the truth, or was not quoted, and is quoted without covering it afterwards.
+`--clean N` has drives that nothing is wrong with, radars of four kinds, 10 and 20 Hz: each finding is false; every third
+sixteen are identified.
 """
 
 from __future__ import annotations
@@ -19,9 +21,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 import canid
+from benchmarks.measurement_effects.clean import judged
+from benchmarks.measurement_effects.clean import listed as listed_clean
 from benchmarks.measurement_effects.outcomes import Outcome, rows
 from tests.plants.outside_drives import SIMULATORS, drawn_drive
-from tests.plants.quoted_intervals import Tried, identified, quoted, silent_misses, trace, tried
+from tests.plants.quoted_intervals import Quoted, Tried, identified, quoted, silent_misses, trace, tried
 from tests.plants.sensor_effects import EFFECTS, Drawn, applied
 
 
@@ -81,10 +85,11 @@ def main() -> None:
     parser.add_argument("--diagnosed", type=int, default=1, help="of them, diagnosed as well; default: 1")
     parser.add_argument("--effect", default="", help="only effects whose name holds this")
     parser.add_argument("--drawn", type=int, default=0, metavar="N", help="N drawn combinations instead")
+    parser.add_argument("--clean", type=int, default=0, metavar="N", help="N clean drives instead")
     parser.add_argument("--first-seed", type=int, default=46_000)
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args()
-    seeds = range(args.first_seed, args.first_seed + (args.drawn or args.drives))
+    seeds = range(args.first_seed, args.first_seed + (args.drawn or args.clean or args.drives))
     print(f"canid {canid.__version__}, seeds {seeds[0]} to {seeds[-1]}", flush=True)
     with ProcessPoolExecutor(args.processes) as pool:
         if args.drawn:
@@ -94,6 +99,15 @@ def main() -> None:
                 wrong += len(one.misses)
                 print(listed(one), flush=True)
             print(f"{wrong} silent misses of {number} quoted numbers")
+            return
+        if args.clean:
+            numbers, alarms = list[Quoted](), 0
+            for drive in pool.map(judged, seeds):
+                numbers += drive.quoted or ()
+                alarms += bool(drive.findings)
+                print(listed_clean(drive), flush=True)
+            held = sum(each.covers for each in numbers)
+            print(f"{alarms} of {len(seeds)} drives with a finding; {held} of {len(numbers)} numbers hold")
             return
         places = tuple(k for k, each in enumerate(EFFECTS) if args.effect in each.name)
         jobs = [

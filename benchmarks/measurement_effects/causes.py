@@ -2,7 +2,8 @@
 
     python -m benchmarks sensor_causes [--drives 1] [--effect WORD] [--strength K] [--first-seed 47000]
 
-The drives and effects of `sensor_effects`, diagnosed and not identified: some 4 s of CPU time each.
+The drives and effects of `sensor_effects`, diagnosed and not identified: some 4 s of CPU time each. A cause that is named
+as one of several, of which one is a sensor's, stands among the sensors: "a or b".
 """
 
 from __future__ import annotations
@@ -20,10 +21,14 @@ import numpy as np
 
 import canid
 from benchmarks.measurement_effects.drives import drawn_drive, trace
+from canid.models.effects import CATALOGUE
 from canid.values.errors import CanidError
 from canid.values.findings import Verdict
 from tests.plants.outside_drives import SIMULATORS
 from tests.plants.sensor_effects import EFFECTS, Drawn, applied
+
+# what `diagnose` names as "or" one of these it does not blame the driver for
+SENSORS = frozenset(effect.id for effect in CATALOGUE if effect.where == "sensing")
 
 
 class Job(NamedTuple):
@@ -54,8 +59,16 @@ def outcome(job: Job) -> Outcome:
         )
     except CanidError:
         return Outcome(job, None, (), ())
-    blamed = tuple(each.effect for each in report.findings if each.where in ("driver", "vehicle"))
+    undecided = [each for each in report.findings if SENSORS & {*each.rivals}]
+    blamed = tuple(
+        each.effect
+        for each in report.findings
+        if each.where in ("driver", "vehicle") and each not in undecided
+    )
     sensing = tuple(each.effect for each in report.findings if each.where == "sensing")
+    sensing += tuple(
+        " or ".join((each.effect, *each.rivals)) for each in undecided if each.where != "sensing"
+    )
     return Outcome(job, report.verdict, blamed, sensing)
 
 

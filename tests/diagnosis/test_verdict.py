@@ -46,3 +46,11 @@ def test_the_law_of_the_noise_is_no_cause(rivals: tuple[str, ...]) -> None:
     assert verdict.decided((law,), lines(remnant="wrong", driver="unexplained"), 0.0) is Verdict.UNEXPLAINED
     both = (found("driver"), law)
     assert verdict.decided(both, lines(remnant="wrong", driver="wrong"), 0.0) is Verdict.NAMED
+
+
+def test_a_cause_that_may_be_a_sensors_is_not_blamed_on_the_driver() -> None:
+    """Both blocks stand in one sentence, before the names."""
+    drift = found("driver", "clock_skew")._replace(effect="delay_drift")
+    nothing = Gained(Interval(), NullGain(), Interval())
+    says = verdict.sentence(Verdict.ONE_OF, (drift,), lines(driver="wrong"), nothing, 20)
+    assert says == "ONE OF: in the driver or the sensing one of {delay_drift, clock_skew}."

@@ -47,11 +47,14 @@ from canid.models.diagnosis.report import (
 from canid.models.diagnosis.rivals import comparison
 from canid.models.diagnosis.rivals.recommendation import recommended
 from canid.models.diagnosis.several_drives import shared_causes
+from canid.models.diagnosis.vehicle import pedal_record
 from canid.models.diagnosis.verdict import Gained
 from canid.models.effects import CATALOGUE
+from canid.models.effects.driver import pedal_ceiling
 from canid.models.effects.effect import Detector, Effect, Kind
 from canid.models.effects.wanted_gap import Form
 from canid.values.findings import Finding, Fit, NotTestable
+from canid.values.text.numbers import number
 from canid.values.types import Array, Trace
 
 NO_ANSWER = (
@@ -164,6 +167,7 @@ def assess(searched: Searched) -> Assessed:
         held, compared = verdict_null.judge(drive, search_result, held, noise, won, null.seed, null.progress)
     gained = Gained(held_out.predicted(confirmed.gain), confirmed.null_gain, confirmed.log_score)
     findings = _findings(confirmed, trace, original, held, gained)
+    findings = tuple(_limit_of_record(each, corrected) for each in findings)
     after_out = held_out.simulated(search_result, solved, search_result.random_walk)
     doubtful = [effect for effect in drivers if effect not in search_result.among]
     others = model_averaging.alternatives(search_result.candidates, doubtful, search_result.data, solved)
@@ -212,8 +216,8 @@ def _compared(tested: Assessed, searched: Searched) -> Assessed:
     settings = tested.corrected.settings
     if not searched.refused:
         sound = [stated for stated in all_findings(tested) if not stated.surrogate]
-        # with the driver's causes where they hold
-        holds = any(stated.where == "driver" for stated in sound)
+        # with the driver's causes, and the end of the pedal's record, where they hold
+        holds = any(stated in tested.findings for stated in sound)
         data, solved = (
             (search_result.data, search_result.solved) if holds else (prepared.data, search_result.baseline)
         )
@@ -299,6 +303,19 @@ def _findings(
         in_unit = partial(in_output_unit, pedal=data.pedal)
         out.append(finding(named, estimates, held, gained, confirmed.log_scores[cause.effect.id], in_unit))
     return tuple(out)
+
+
+def _limit_of_record(stated: Finding, corrected: Corrected) -> Finding:
+    """A pedal's ceiling beyond which the car accelerates on is one of its record: a sensor's, no driver's."""
+    given, level = corrected.trace, stated.parameters.get("level")
+    if stated.effect != pedal_ceiling.EFFECT.id or level is None:
+        return stated
+    if not pedal_record.ends(given.t - given.t[0], corrected.context.vehicle.left, stated.episodes):
+        return stated
+    says = (
+        f"The pedal's record ends at {number(level.value)} %: the car accelerates on while it stands there."
+    )
+    return stated._replace(where="sensing", says=says)
 
 
 def possible(rivals: tuple[str, ...], trace: Trace, data: DriverData) -> tuple[str, ...]:

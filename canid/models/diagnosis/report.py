@@ -50,7 +50,7 @@ class Assessed(NamedTuple):
     baseline: Fit
     extended: Fit
     simulated: tuple[Array, Array]  # (n,) by both models, before a pedal's floor
-    findings: tuple[Finding, ...]  # of the driver
+    findings: tuple[Finding, ...]  # of the driver, and of the record of the output
     held: Adequacy
     gained: Gained
     candidates: int  # causes that might have been named
@@ -85,8 +85,9 @@ def report(tested: Assessed) -> Report:
     r0, r1 = (np.where(used, trace.output - out, 0.0) for out in tested.simulated)
     worst = residual_maps.worst(trace.t, r0, r1, used, trace.dt)
     block = _driver_block(tested, worst)
-    lines = _lines(tested.corrected, block, remnant.block)
     findings = all_findings(tested)
+    lines = _lines(tested.corrected, block, remnant.block)
+    lines = tuple(_with_recorded(line, tested) for line in lines)
     of_all = verdict.decided(findings, lines, vehicle.missed)
     candidates = tested.candidates + sensing.tried
     candidates += len({t.effect for t in (*vehicle.tried, *remnant.tried)})
@@ -160,7 +161,9 @@ def all_findings(tested: Assessed) -> tuple[Finding, ...]:
     if sensing.block.state == "unexplained":
         # the inputs of the driver are uncertain, and so is every cause that was found from them
         of_driver = tuple(finding._replace(surrogate=True) for finding in of_driver)
-    return (*sensing.findings, *vehicle.findings, *of_driver, *tested.remnant.findings)
+    recorded = tuple(finding for finding in of_driver if finding.where == "sensing")
+    of_driver = tuple(finding for finding in of_driver if finding.where != "sensing")
+    return (*sensing.findings, *recorded, *vehicle.findings, *of_driver, *tested.remnant.findings)
 
 
 def finding(
@@ -243,18 +246,23 @@ def search_steps(
     ]
 
 
+def _of_driver(tested: Assessed) -> tuple[Finding, ...]:
+    """Findings of the driver's block, but those on what was recorded of the driver."""
+    return tuple(finding for finding in tested.findings if finding.where == "driver")
+
+
 def _driver_says(tested: Assessed, worst: tuple[Window, ...]) -> str:
     """Verdict line of the driver's block."""
     if tested.refused:
         return f"UNEXPLAINED: the baseline does not describe this drive: {tested.refused}."
-    return verdict.says(tested.findings, tested.held, worst, tested.gained, tested.candidates)
+    return verdict.says(_of_driver(tested), tested.held, worst, tested.gained, tested.candidates)
 
 
 def _driver_block(tested: Assessed, worst: tuple[Window, ...]) -> Blocked:
     says = _driver_says(tested, worst)
     if tested.refused:
         return Blocked("driver", "unexplained", says)
-    of_driver = verdict.of_driver(tested.findings, tested.held.passed)
+    of_driver = verdict.of_driver(_of_driver(tested), tested.held.passed)
     return Blocked(
         "driver", verdict.state(of_driver), says + "".join(f" {remark}." for remark in tested.remarks)
     )
@@ -270,6 +278,15 @@ def _lines(corrected: Corrected, driver: Blocked, remnant: Blocked) -> tuple[Blo
     if context.whole:
         driver = driver._replace(says=verdict.body(driver.says))
     return context.sensing.block, context.vehicle.block, driver, remnant
+
+
+def _with_recorded(line: Blocked, tested: Assessed) -> Blocked:
+    """The sensors' line with what the driver's block found in them."""
+    says = " ".join(finding.says for finding in tested.findings if finding.where == "sensing")
+    if line.where != "sensing" or not says:
+        return line
+    before = f"{line.says} " if line.state != "adequate" else ""
+    return line._replace(state="unexplained" if line.state == "unexplained" else "wrong", says=before + says)
 
 
 def _tried(tested: Assessed) -> tuple[Tried, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from canid.mathematics.identification.confidence import SIGMAS
 from canid.models.diagnosis.adequacy.adequacy import Adequacy
 from canid.models.diagnosis.remnant.remnant_block import WHERE, gained_by
+from canid.models.effects import CATALOGUE
 from canid.values.findings import Blocked, Finding, NotTestable, NullGain, Verdict, Window
 from canid.values.text.numbers import p_text
 from canid.values.types import Interval
@@ -148,7 +149,8 @@ def sentence(
         if not here:
             continue
         if verdict is Verdict.ONE_OF:
-            parts.append(f"in the {where} " + " and ".join(map(_choice, here)))
+            places = dict.fromkeys(place for finding in here for place in (where, *_places(finding)))
+            parts.append(f"in the {' or the '.join(places)} " + " and ".join(map(_choice, here)))
         else:
             causes = " ".join(
                 finding.says + (_better(finding.gain) if where != "driver" else "") for finding in here
@@ -188,6 +190,11 @@ def _better(gain: Interval, between: str = "", after: str = " on held-out data")
         return ""
     change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
     return f" Error variance {change:+.0f} %{between} [{low:+.0f}, {high:+.0f}]{after}."
+
+
+def _places(finding: Finding) -> list[str]:
+    """Blocks that its rivals are in."""
+    return [effect.where for effect in CATALOGUE if effect.id in finding.rivals]
 
 
 def _choice(finding: Finding) -> str:

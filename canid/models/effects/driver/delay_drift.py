@@ -17,7 +17,7 @@ def act(p: Params, seen: Seen) -> Value:
 
 EFFECT = Effect(
     id="delay_drift",
-    says="The dead time changes steadily, by {rate} s over the drive.",
+    says="The dead time changes steadily, or a clock runs off, by {rate} s over the drive.",
     where="driver",
     kind=Kind.PARAMETRIC,
     parameters=(Parameter("rate", "s", -1.5, 1.5, (0.3, -0.3), 0.3),),
