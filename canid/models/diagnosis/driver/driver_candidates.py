@@ -37,6 +37,8 @@ from canid.values.types import Array
 # quantiles of the headway at which a desired one is tried, where an effect makes it identifiable: a driver with a wide
 # dead zone drives at its edge
 DESIRED_QUANTILES = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98)
+# and where it is the middle of a dead zone: the likelihood has steps along its edges
+ZONE_QUANTILES = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98)
 # at most so many candidates are fitted in full per step
 MAX_FULL_FITS = 9
 # and from so many starts where the cost has several local minima
@@ -58,8 +60,9 @@ def starts(effect: Effect, data: DriverData, without: FittedDriver) -> Iterator[
         data.seen.duration, data.seen.speed[free], data.output.y[free], gap=data.seen.gap[free]
     )
     guesses = [parameter.guesses(known) for parameter in effect.parameters]
+    quantiles = DESIRED_QUANTILES if effect.headway is None else ZONE_QUANTILES
     desired = (
-        [float(x) for x in np.quantile(data.seen.headway[free], DESIRED_QUANTILES)]
+        [float(x) for x in np.quantile(data.seen.headway[free], quantiles)]
         if effect.shows_desired_headway and not without.model.centred
         else [float(base[DESIRED])]
     )
@@ -117,11 +120,18 @@ def screen(effect: Effect, data: DriverData, without: FittedDriver) -> list[Gues
 
 def tried(effect: Effect, data: DriverData, without: FittedDriver, guesses: list[Guess]) -> DriverCandidate:
     """Fit a candidate in full, from its best initial guesses."""
-    some = [guess.q for guess in guesses[: MAX_STARTS if effect.shows_desired_headway else 1]]
+    points: dict[tuple[float, ...], Array] = {}
+    for guess in guesses:
+        # one with other gains is no other start
+        points.setdefault((guess.q[DESIRED], *guess.q[without.q.size :]), guess.q)
+    some = list(points.values())[: MAX_STARTS if effect.shows_desired_headway else 1]
     if effect.shortens_dead_time:
         some.append(with_longer_delays(effect, data, without))
     best = best_fit(effect, data, without, some)
-    return price(effect, local_minima.refined(data, best), without, data.output.dt)
+    best = local_minima.refined(data, best)
+    if without.deviance - best.deviance > MIN_EXPLAINED:
+        best = local_minima.at_best_edges(data, best, effect)
+    return price(effect, best, without, data.output.dt)
 
 
 def candidates(
