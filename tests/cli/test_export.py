@@ -272,7 +272,9 @@ def test_a_vehicle_without_positions_has_no_vbo(
 
 @pytest.mark.slow("whole commands, one after the other")
 @pytest.mark.parametrize("data", ["csv", "parquet", "mcap"])
-def test_the_plotjuggler_layout_names_curves_of_its_data(drive: Drive, tmp_path: Path, data: str) -> None:
+def test_the_plotjuggler_layout_names_curves_of_its_data(
+    drive: Drive, tmp_path: Path, data: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Well-formed; every curve is a column of the file that it opens, the time axis too; K and τ+θ have both ends."""
     name = tmp_path / "x"
     assert (
@@ -292,6 +294,7 @@ def test_the_plotjuggler_layout_names_curves_of_its_data(drive: Drive, tmp_path:
         )
         == 0
     )
+    assert "plotjuggler.xml: how they are shown" in capsys.readouterr().err
     layout = ElementTree.parse(tmp_path / "x.plotjuggler.xml").getroot()
     file = layout.find("previouslyLoaded_Datafiles/fileInfo")
     assert file is not None

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from canid.ui.cli import main
+from canid.ui.cli.command_line import READ_BY
+from canid.ui.cli.commands.compare import OPTIONS
 
 LOGS = Path(__file__).parents[2] / "replay_logs"
 URBAN, MIXED = LOGS / "following_urban.blf", LOGS / "following_mixed.blf"
@@ -178,3 +180,9 @@ def test_the_page_shows_the_numbers_and_loads_nothing(browser: Any, compared: Co
     assert ["differs" in row for row in rows] == [row["differs"] for row in known]
     assert page.evaluate("document.querySelectorAll('.drawings circle').length") == 3 * len(known)
     page.close()
+
+
+def test_the_command_of_a_comparison_has_each_option_once() -> None:
+    """All by which logs are read, the time zone too; an option that is written twice reproduces nothing sooner."""
+    assert sorted(OPTIONS) == sorted(set(OPTIONS))
+    assert set(READ_BY) <= set(OPTIONS)

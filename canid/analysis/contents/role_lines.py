@@ -11,6 +11,7 @@ from canid.analysis.contents.signal_lines import Line, NamedLine
 from canid.models.diagnosis import masks
 from canid.values.roles import ROLES
 from canid.values.text.names import readable
+from canid.values.text.numbers import role_unit
 from canid.values.types import Array, LearnGate, Trace
 
 GROUP = "what canid made of it"
@@ -38,7 +39,7 @@ def lines_of_trace(trace: Trace) -> tuple[NamedLine, ...]:
         *(name for name in FIRST if name in known),
         *(name for name in ROLES if name not in FIRST and name in known),
     ]
-    roles = [_line(readable(name), t, known[name], _unit(name), at_first=name in FIRST) for name in names]
+    roles = [_line(readable(name), t, known[name], role_unit(name), at_first=name in FIRST) for name in names]
     gates = {
         float(k): "open" if gate is LearnGate.OPEN else readable(gate.name.lower())
         for k, gate in enumerate(_GATES)
@@ -53,10 +54,6 @@ def lines_of_trace(trace: Trace) -> tuple[NamedLine, ...]:
     if masked:
         states.append(_flags("left out by the masks of diagnose", t, ~kept, ("no", "yes")))
     return (*states, *roles)
-
-
-def _unit(role: str) -> str:
-    return ROLES[role].unit if role in ROLES else "s"  # headway, which is derived
 
 
 def _line(

@@ -126,11 +126,11 @@ def run(args: argparse.Namespace) -> int:
         files.commit()
         for each in written:
             tables = each.get("tables")
-            what = (
-                f"{len(tables)} tables"
-                if tables
-                else f"{each['rows']:,} rows, {len(each['columns'])} columns"
-            )
+            what = f"{each['rows']:,} rows, {len(each['columns'])} columns"
+            if tables:
+                what = f"{len(tables)} tables"
+            elif not each["columns"]:
+                what = "how they are shown"  # a layout for another program
             info(f"{each['path']}: {what}")
         if sink is not None:
             sink.write(json_values.document("export", written) + "\n")
