@@ -22,13 +22,14 @@ import numpy as np
 import canid
 from benchmarks.measurement_effects.drives import drawn_drive, trace
 from canid.models.effects import CATALOGUE
+from canid.models.effects.driver.pedal_ceiling import END_OF_RECORD
 from canid.values.errors import CanidError
 from canid.values.findings import Verdict
 from tests.plants.outside_drives import SIMULATORS
 from tests.plants.sensor_effects import EFFECTS, Drawn, applied
 
 # what `diagnose` names as "or" one of these it does not blame the driver for
-SENSORS = frozenset(effect.id for effect in CATALOGUE if effect.where == "sensing")
+SENSORS = {END_OF_RECORD, *(effect.id for effect in CATALOGUE if effect.where == "sensing")}
 
 
 class Job(NamedTuple):

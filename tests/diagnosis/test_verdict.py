@@ -48,9 +48,12 @@ def test_the_law_of_the_noise_is_no_cause(rivals: tuple[str, ...]) -> None:
     assert verdict.decided(both, lines(remnant="wrong", driver="wrong"), 0.0) is Verdict.NAMED
 
 
-def test_a_cause_that_may_be_a_sensors_is_not_blamed_on_the_driver() -> None:
+@pytest.mark.parametrize(
+    ("effect", "rival"), [("delay_drift", "clock_skew"), ("pedal_ceiling", "end_of_record")]
+)
+def test_a_cause_that_may_be_a_sensors_is_not_blamed_on_the_driver(effect: str, rival: str) -> None:
     """Both blocks stand in one sentence, before the names."""
-    drift = found("driver", "clock_skew")._replace(effect="delay_drift")
+    drift = found("driver", rival)._replace(effect=effect)
     nothing = Gained(Interval(), NullGain(), Interval())
     says = verdict.sentence(Verdict.ONE_OF, (drift,), lines(driver="wrong"), nothing, 20)
-    assert says == "ONE OF: in the driver or the sensing one of {delay_drift, clock_skew}."
+    assert says == f"ONE OF: in the driver or the sensing one of {{{effect}, {rival}}}."

@@ -306,16 +306,17 @@ def _findings(
 
 
 def _limit_of_record(stated: Finding, corrected: Corrected) -> Finding:
-    """A pedal's ceiling beyond which the car accelerates on is one of its record: a sensor's, no driver's."""
+    """A pedal's ceiling beyond which the car accelerates on is one of its record; where the car does not show it, either."""
     given, level = corrected.trace, stated.parameters.get("level")
     if stated.effect != pedal_ceiling.EFFECT.id or level is None:
         return stated
-    if not pedal_record.ends(given.t - given.t[0], corrected.context.vehicle.left, stated.episodes):
-        return stated
+    recorded = pedal_record.ends(given.t - given.t[0], corrected.context.vehicle.left, stated.episodes)
+    if recorded is None:
+        return stated._replace(rivals=(*stated.rivals, pedal_ceiling.END_OF_RECORD))
     says = (
         f"The pedal's record ends at {number(level.value)} %: the car accelerates on while it stands there."
     )
-    return stated._replace(where="sensing", says=says)
+    return stated._replace(where="sensing", says=says) if recorded else stated
 
 
 def possible(rivals: tuple[str, ...], trace: Trace, data: DriverData) -> tuple[str, ...]:

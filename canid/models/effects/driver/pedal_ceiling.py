@@ -16,6 +16,9 @@ from canid.models.effects.effect import (
 )
 from canid.values.types import Array
 
+# a rival that acts on nothing: the sensor's range, or the logger's
+END_OF_RECORD = "end_of_record"
+
 
 def init(p: Params, first: float) -> None:
     """Start; it has no state."""
@@ -43,7 +46,7 @@ def among_levels(drive: DriveFeatures) -> tuple[float, ...]:
 
 EFFECT = Effect(
     id="pedal_ceiling",
-    says="The pedal is never pressed beyond {level} %, or its record ends there, whatever the situation demands.",
+    says="The pedal is never pressed beyond {level} %, whatever the situation demands.",
     where="driver",
     kind=Kind.PARAMETRIC,
     parameters=(Parameter("level", "%", -100.0, 200.0, among_levels, 0.0, share_of=Share.TOP_PEDAL),),
