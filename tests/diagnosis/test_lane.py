@@ -102,6 +102,8 @@ def test_the_fit_finds_the_driver(seed: int) -> None:
     half = 0.5 * (channel.K.high - channel.K.low)
     assert abs(channel.K.value - made.gain) < 3 * half
     assert channel.tau_plus_dead_time.value == pytest.approx(0.6, abs=0.5)
+    # of a driver with three lags the sum alone is theirs
+    assert not {"tau", "dead_time"} & set(QUOTED[channel.status])
 
 
 # --- the null ----------------------------------------------------------------------------------------------

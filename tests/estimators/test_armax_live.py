@@ -59,13 +59,13 @@ def said(rows, settings=None):
 
 @pytest.mark.slow("estimates over whole drives")
 def test_the_anytime_interval_seldom_ever_misses_and_is_little_wider():
-    """Ten runs of 3 min, evaluated twice a second: at most one ever misses K, which the plain interval does in many;
-    on average it is at most 1.6 times as wide."""
+    """Ten runs of 3 min, evaluated from 90 s on twice a second: at most one ever misses K, which the plain interval does
+    in many; on average it is at most 1.6 times as wide."""
     ever, plain, ratios = 0, 0, []
     for seed in range(10):
         estimates, _ = said(samples(*driven(seed, 180.0)))
         known = [e.channels[NAME] for e in estimates if e.status is Status.OK]
-        assert len(known) > 250
+        assert len(known) > 150
         ever += any(not c.K_anytime.low <= K <= c.K_anytime.high for c in known)
         plain += any(not c.K.low <= K <= c.K.high for c in known)
         ratios += [(c.K_anytime.high - c.K_anytime.low) / (c.K.high - c.K.low) for c in known]
@@ -150,13 +150,13 @@ def test_twenty_minutes_of_cruise_leave_the_answer_alone_and_its_age_is_told(gat
 
 @pytest.mark.slow("estimates over whole drives")
 def test_another_driver_is_followed():
-    """Without any sign but the data, K of a driver with half the gain more is estimated to 15 % from 35 s on, when
-    a batch fit of the new driver's first 30 s has been made, and is inside its interval nearly always."""
+    """Without any sign but the data, K of a driver with half the gain more is estimated to 15 % as soon as 90 s are
+    known of that one, and is inside its interval nearly always."""
     y, u = driven(9, 300.0)
     grown = np.where(np.arange(3000) * DT < 150.0, 1.0, 1.5) * u
     noise = y - answer(u, np.zeros(3000))
     estimates, state = said(samples(answer(grown, np.zeros(3000)) + noise, u))
-    after = [e for e in estimates if e.t > 185.0]
+    after = [e for e in estimates if e.t > 250.0]
     assert {e.status for e in after} == {Status.OK}
     inside = 0
     for estimate in after:
@@ -196,7 +196,7 @@ def test_one_memory_is_enough():
 
 def test_a_model_that_explains_no_more_than_the_mean_is_never_ok():
     """The same data are ok with the fit that they have, and inconsistent where the simulation errs by twice the output."""
-    rows = samples(*driven(12, 90.0))
+    rows = samples(*driven(12, 95.0))
     estimator, (estimates, state) = ARMAX.make((NAME,), DT), said(rows)
     assert estimates[-1].status is Status.OK
     assert estimates[-1].fit_percent > 0.0

@@ -8,6 +8,7 @@ import pytest
 from canid.mathematics.identification.armax import armax_batch, armax_recursive, order_selection
 from canid.mathematics.identification.armax.armax_batch import Orders, fit_armax
 from canid.mathematics.identification.armax.polynomial import is_stable
+from tests.identification import recursion_estimates
 
 # Chen & Ulsoy 2001, table 1, mean; b and c1 = -0.5 as in the measured reference
 TABLE_1 = np.array([-1.2623, 0.3697, 4.134, -4.0337, 0.0, -0.5])
@@ -176,7 +177,7 @@ def test_recursion_ends_where_the_batch_does(forgetting):
     for seed in range(8):
         y, u = table_1(100 + seed)
         batch = fit_armax(y, u, np.full(600, True))
-        theta, covariance = armax_recursive.estimate(
+        theta, covariance = recursion_estimates.estimate(
             run(begun(y, u, forgetting=forgetting), y[150:], u[150:])
         )
         sd = np.sqrt(np.diag(batch.covariance / batch.variance_inflation))
@@ -203,7 +204,7 @@ def test_follows_a_gain_step_fast_and_is_quiet_after():
         off = []
 
         def check(k, state, off=off):
-            off.append(abs(transfer(armax_recursive.estimate(state)[0]) / transfer(TABLE_1) / 1.5 - 1))
+            off.append(abs(transfer(recursion_estimates.estimate(state)[0]) / transfer(TABLE_1) / 1.5 - 1))
 
         run(begun(y, u), y[150:], u[150:], check)
         times.append(0.1 * next(k for k, x in enumerate(off[850:]) if x < 0.15))
@@ -222,7 +223,7 @@ def test_the_longest_memory_begins_anew_when_it_is_refuted():
     state = run(begun(y, u), y[150:], u[150:], lambda k, state: restarts.append(state.restarts))
     assert restarts[1340] == 0
     assert 1 <= restarts[-1] <= 3
-    assert abs(transfer(armax_recursive.longest(state)[0]) / transfer(other) - 1) < 0.05
+    assert abs(transfer(recursion_estimates.longest(state)[0]) / transfer(other) - 1) < 0.05
     assert state.anchored < 200
 
 
@@ -262,7 +263,7 @@ def test_twenty_minutes_without_excitation_are_survived(kind, noise):
         if k % 500 == 0:
             assert np.linalg.eigvalsh(covariances(state)).min() > 0.0
         if k + 150 >= 15_000:
-            theta, covariance = armax_recursive.estimate(state)
+            theta, covariance = recursion_estimates.estimate(state)
             assert np.isfinite(covariance).all()
             worst.append(abs(transfer(theta) / transfer(TABLE_1) - 1))
 
@@ -308,9 +309,9 @@ def test_any_orders_go_on_from_a_batch(o):
         for k in range(300, 2000):
             state, e = armax_recursive.step(state, o, float(y[k]), u[k].tolist())
             assert math.isfinite(e)
-        theta, _, _ = armax_recursive.longest(state)
+        theta, _, _ = recursion_estimates.longest(state)
         assert (np.abs(theta - batch.theta) < np.sqrt(np.diag(batch.covariance))).all()
-        theta, covariance = armax_recursive.estimate(state)
+        theta, covariance = recursion_estimates.estimate(state)
         assert (np.abs(theta - truth) < 4.5 * np.sqrt(np.diag(covariance))).all()
 
 

@@ -16,6 +16,7 @@ from canid.mathematics.identification.armax import box_jenkins_recursive as recu
 from canid.mathematics.identification.armax.armax_batch import Orders, fit_armax
 from canid.mathematics.identification.first_order import scan
 from canid.mathematics.identification.fopdt import fopdt_fit
+from tests.identification import recursion_estimates
 from tests.seeds import mostly
 
 DT, SETTLE, BLOCK, START = 0.1, 4.5, 20, 300
@@ -82,7 +83,7 @@ def steered(drive, *, law):
     state = plain(armax_recursive.begin(fit_armax(y[:START], u[:START], np.full(START, True))))
     for output, inputs in zip(y[START:].tolist(), u[START:].tolist(), strict=True):
         state = plain(armax_recursive.step(state, Orders(), output, inputs)[0])
-    theta, covariance = armax_recursive.estimate(state)
+    theta, covariance = recursion_estimates.estimate(state)
     half = 1.96 * np.sqrt(np.diag(covariance))
     return np.column_stack([theta, theta - half, theta + half]), state.restarts
 

@@ -9,7 +9,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from canid.signals.samples import reading_spans
-from canid.signals.signal_checks import delayed_rate, signal_checks
+from canid.signals.samples.reading_spans import ReadingSpan
+from canid.signals.signal_checks import delayed_rate, signal_checks, slow_signals
+from canid.signals.signal_checks.blocks import Block
 from canid.values.types import Channel, Driver, Estimate, Identifiable, Interval, SignalFinding, Status
 from tests.seeds import mostly
 from tests.signal_checks.synthetic import DT, Array, Columns, changed, findings, following, samples
@@ -44,6 +46,21 @@ def with_spans(columns: Columns, lost: Array | None = None) -> tuple[SignalFindi
         state, report = signal_checks.step(state, sample, Driver(), DT)
         reports += [] if report is None else [report]
     return signal_checks.episodes(reports)
+
+
+@pytest.mark.parametrize(
+    ("role", "kind", "gains"),
+    [("lateral_offset", "hold", False), ("lateral_offset", "line", True), ("gap", "hold", True)],
+)
+def test_an_offset_that_is_held_shows_no_gain(role: str, kind: str, gains: bool) -> None:
+    """The wheel moves it within the hold, before it is recorded: K of 0.2 s was 1.4 and 1.6 times the truth."""
+    state, found = slow_signals.init(), None
+    for k in range(3):
+        span = ReadingSpan(role, 10.0 * k + 10.0, 0.2, kind, 0.0, 2.0)
+        block = Block(span.t, DT, np.zeros((10, 10)), (), (), True, True, spans=(span,))
+        state, found = slow_signals.step(True, state, block)
+    assert found is not None
+    assert found.delays_only == gains
 
 
 def lagged(x: Array, seconds: float) -> Array:

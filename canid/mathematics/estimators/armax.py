@@ -26,8 +26,15 @@ from canid.mathematics.estimators.armax_state import (
     with_sample,
 )
 from canid.mathematics.estimators.estimator import Estimator, WholeDrive
-from canid.mathematics.identification import residual_tests
-from canid.mathematics.identification.armax import armax_batch, armax_recursive, gain_and_delay, rates
+from canid.mathematics.identification import feedback_bias, residual_tests
+from canid.mathematics.identification.armax import (
+    armax_batch,
+    armax_recursive,
+    arx_recursive,
+    forgetting_mixture,
+    gain_and_delay,
+    rates,
+)
 from canid.mathematics.identification.fopdt import fopdt_fit
 from canid.values.types import (
     Array,
@@ -152,7 +159,7 @@ def _advanced(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     gap = sample.segment != state.segment or sample.t - state.t > 1.5 * setup.dt
     usable = sample.learn and all(map(math.isfinite, (sample.output, *sample.inputs)))
     if gap or not usable:
-        state = _interrupted(state)
+        state = _interrupted(setup, state)
     pace, forced = status.by_gate(state.pace, sample)
     missing = _missing(setup, state, sample)
     state, row = _learn(setup, state, sample) if usable else (state, (math.nan, math.nan))
@@ -180,10 +187,12 @@ def estimate(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimat
     return state._replace(pace=status.emitted(state.pace, sample.t, made.status)), made
 
 
-def _interrupted(state: State) -> State:
+def _interrupted(setup: Setup, state: State) -> State:
     """Forget the inputs' history, keep the model."""
     model = armax_recursive.rest(state.model) if state.model is not None else None
-    return state._replace(piece=state.piece + 1, model=model, quality=state.quality._replace(simulated=()))
+    arx = arx_recursive.rest(setup.arx, state.arx, setup.forgetting) if state.arx is not None else None
+    quality = state.quality._replace(simulated=())
+    return state._replace(piece=state.piece + 1, model=model, arx=arx, quality=quality)
 
 
 def _tested_rows(setup: Setup) -> int:
@@ -215,12 +224,16 @@ def _stored(setup: Setup, state: State) -> State:
 def _learn(setup: Setup, state: State, sample: Sample) -> tuple[State, tuple[float, float]]:
     """Step the recursion; returns piece and innovation of the new row."""
     movement = moved(setup, state.movement, sample.inputs)
+    excited = is_excited(setup, movement)
     piece = float(state.piece)
     before = state.model
+    assert state.arx is not None
+    row = (float(excited), sample.output, *sample.inputs)
+    arx = arx_recursive.step(setup.arx, state.arx, setup.forgetting, row)
+    state = state._replace(arx=arx)
     if before is None:
         learnt = with_sample(setup, state.learnt, sample.t)
         return state._replace(movement=movement, learnt=learnt), (piece, math.nan)
-    excited = is_excited(setup, movement)
     model, innovation = armax_recursive.step(
         before, setup.orders, sample.output, sample.inputs, excited, setup.dt
     )
@@ -229,7 +242,9 @@ def _learn(setup: Setup, state: State, sample: Sample) -> tuple[State, tuple[flo
     if model.restarts > before.restarts:
         # what came before is of another driver, or another manner: collect anew for a fit of the new one
         empty = np.zeros((0, setup.width))
-        state = state._replace(past=empty, recent=(), due=SECOND_START * setup.start)
+        best = max(range(len(setup.forgetting) - 1), key=model.trust.weights.__getitem__)
+        due, arx = SECOND_START * setup.start, arx_recursive.renewed(arx, best)
+        state = state._replace(past=empty, recent=(), due=due, arx=arx)
     return state._replace(
         movement=movement,
         model=model,
@@ -294,7 +309,8 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         return plain._replace(excitation=excitation, used=used)
 
     # half a sample: sums of 0.1 s
-    weak = status.by_data(used + 0.5 * setup.dt, setup.needed, excitation, is_excited(setup, state.movement))
+    known = _known_s(setup, state) + 0.5 * setup.dt
+    weak = status.by_data(known, setup.needed, excitation, is_excited(setup, state.movement))
     if weak is not None:
         return refused(*weak)
     if setup.layout is not None:
@@ -311,7 +327,10 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
             "these orders cannot give: do not use these numbers, or set higher orders in [armax]"
         )
         return refused(Status.INCONSISTENT, says)._replace(says=says, residual_tests=tests)
-    channels = _channels(setup, state.model, inflation)
+    channels, late = _channels(setup, state, inflation)
+    if late:
+        made = refused(Status.INCONSISTENT, armax_whole_drive.INPUT_LATE)
+        return made._replace(says=armax_whole_drive.INPUT_LATE, residual_tests=tests)
     q = state.quality
     fit = 100.0 * (1.0 - (q.error / q.power) ** 0.5) if q.power > 0.0 else math.nan
     verdict = plausibility.judge(channels, fit, plausibility.UNLIMITED)
@@ -324,20 +343,34 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
     return Estimate(sample.t, NAME, Status.OK, says, channels, fit, excitation, used, tests)
 
 
-def _channels(setup: Setup, model: armax_recursive.State, inflation: float) -> dict[str, Channel]:
-    o, m = setup.orders, len(setup.input_names)
-    theta, covariance = armax_recursive.estimate(model)
-    longest, now, before = armax_recursive.longest(model)
-    A = np.concatenate([[1.0], theta[: o.na]])
-    B = theta[o.na : o.na + m * o.nb].reshape(-1, o.nb)
-    channels = gain_and_delay.channels(setup.input_names, A, B, o.nk, inflation * covariance, setup.dt)
-    always = gain_and_delay.anytime_gain(
-        longest, inflation * now, inflation * before, setup.dt * model.anchored, na=o.na, nb=o.nb, inputs=m
-    )
+def _known_s(setup: Setup, state: State) -> float:
+    """S of data that an estimate rests on: after a change of the driver few."""
+    if state.model is None or state.arx is None:
+        return state.learnt.used
+    shares = forgetting_mixture.shares(state.model.trust)
+    return float(shares @ arx_recursive.rows(state.arx)) * setup.dt
+
+
+def _channels(setup: Setup, state: State, inflation: float) -> tuple[dict[str, Channel], bool]:
+    """Gains and delays by ARX models, the mean of the memories as far as each is believed; is the input recorded late?"""
+    assert state.model is not None
+    assert state.arx is not None
+    shape, shares = setup.arx, np.array(forgetting_mixture.shares(state.model.trust))
+    models = arx_recursive.solved(shape, state.arx)
+    at_once = arx_recursive.answers_at_once(shape, state.arx, models.orders[-1])
+    theta, na = shares @ models.theta, shape.orders[-1]
+    away = models.theta - theta
+    covariance = np.einsum("k,kij->ij", shares, models.covariance) + (shares[:, None] * away).T @ away
+    A, B = np.r_[1.0, theta[:na]], theta[na:].reshape(-1, na)
+    names, nk = setup.input_names, setup.orders.nk
+    channels = gain_and_delay.channels(names, A, B, nk, inflation * covariance, setup.dt)
+    known_s = float(state.arx.weights[0, -1]) * setup.dt
     return {
-        name: c._replace(K_anytime=K) if c.status is not Identifiable.NOT else c
-        for (name, c), K in zip(channels.items(), always, strict=True)
-    }
+        name: c._replace(K_anytime=gain_and_delay.anytime(c.K, known_s))
+        if c.status is not Identifiable.NOT
+        else c
+        for name, c in feedback_bias.without_all(channels).items()
+    }, bool((at_once > armax_whole_drive.ANSWER_SIGMAS).any())
 
 
 def _residual_tests(setup: Setup, rows: Array) -> ResidualTests | None:

@@ -17,14 +17,12 @@ from canid.mathematics.identification.armax import (
     box_jenkins_posterior,
     box_jenkins_recursive,
     box_jenkins_state,
-    confidence_sequence,
     gain_and_delay,
 )
 from canid.mathematics.identification.armax.rates import rates
-from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.fopdt.regression_rows import Layout
 from canid.mathematics.identification.output_filter import DELAYS_HOLD_IT, is_unknown
-from canid.values.types import Estimate, Identifiable, Interval, ResidualTests, Sample, Status
+from canid.values.types import Estimate, Identifiable, ResidualTests, Sample, Status
 
 NAME = "armax"
 
@@ -116,7 +114,9 @@ def estimate(
     channels = feedback_bias.without_all(dict(of_inputs))
     known_s = box_jenkins_recursive.seconds(layout, model)
     channels = {
-        name: c._replace(K_anytime=_anytime(c.K, known_s)) if c.status is not Identifiable.NOT else c
+        name: c._replace(K_anytime=gain_and_delay.anytime(c.K, known_s))
+        if c.status is not Identifiable.NOT
+        else c
         for name, c in channels.items()
     }
     unknown = is_unknown(setup.output_filter)
@@ -134,12 +134,6 @@ def estimate(
     return Estimate(
         sample.t, NAME, Status.OK, says, channels, fit, dict(excitation), state.learnt.used, tests
     )
-
-
-def _anytime(K: Interval, seconds: float) -> Interval:
-    """Widen the interval of K to one that holds at all times, see confidence_sequence.py; information grows with time."""
-    factor = confidence_sequence.widening(seconds / gain_and_delay.SHARPEST_S) / NORMAL_QUANTILE
-    return Interval(K.value, K.value - factor * (K.value - K.low), K.value + factor * (K.high - K.value))
 
 
 def _residual_tests(setup: Setup, model: box_jenkins_state.State) -> ResidualTests | None:

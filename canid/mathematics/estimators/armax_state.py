@@ -11,7 +11,7 @@ import numpy as np
 
 from canid.mathematics.estimators import pooling, status
 from canid.mathematics.identification import innovation_law
-from canid.mathematics.identification.armax import armax_recursive, box_jenkins_state
+from canid.mathematics.identification.armax import armax_recursive, arx_recursive, box_jenkins_state
 from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.mathematics.identification.armax.rates import rates
 from canid.mathematics.identification.fopdt import regression_rows
@@ -27,6 +27,11 @@ MIN_MOVEMENT_TO_LEARN = 0.05
 
 # s; an estimate after a longer break is said to be from before it, until `status.MIN_DATA_S` seconds have confirmed it.
 LONG_BREAK_S = 60.0
+
+# s of data; with fewer an ARX model's interval is too narrow: with 60 s K held on 131 of 146, with 120 s on 157 of 166
+MIN_ARX_S = 90.0
+# share of what a memory can hold at which it counts as filled
+FILLED = 0.9
 
 # of any coefficient: beyond, squares drown what they are added to
 MAX_PARAMETER = 1e9
@@ -46,6 +51,11 @@ class Setup(NamedTuple):
     output_filter: OutputFilter | None  # that the output has passed; None: not known
 
     @property
+    def arx(self) -> arx_recursive.Layout:
+        """Models that gains and delays are taken from, where the inputs have no poles of their own."""
+        return arx_recursive.layout(len(self.input_names), self.orders.nk, len(self.forgetting), self.dt)
+
+    @property
     def width(self) -> int:
         """Columns of the rows that are kept: piece, innovation, output, inputs."""
         return 3 + len(self.input_names)
@@ -53,7 +63,12 @@ class Setup(NamedTuple):
     @property
     def needed(self) -> float:
         """Data in s below which nothing is estimated."""
-        return max(status.MIN_DATA_S, self.start * self.dt)
+        start = max(status.MIN_DATA_S, self.start * self.dt)
+        if self.layout is not None:
+            return start
+        faded = 1.0 - self.forgetting[-1]
+        # where the longest memory fades it never knows more
+        return max(start, min(MIN_ARX_S, FILLED * 2.0 / faded * self.dt) if faded else MIN_ARX_S)
 
 
 class Movement(NamedTuple):
@@ -97,7 +112,8 @@ class State(NamedTuple):
     learnt: Learnt
     movement: Annotated[Movement, FINITE]
     quality: Quality
-    separate: box_jenkins_state.State | None = None  # with several inputs, instead of `model`
+    arx: arx_recursive.State | None = None  # next to `model`, which decides how far each memory is believed
+    separate: box_jenkins_state.State | None = None  # with several inputs, instead of both
 
 
 def init(setup: Setup) -> State:
@@ -116,6 +132,7 @@ def init(setup: Setup) -> State:
         Learnt(),
         Movement(0, (0.0,) * m, (0.0,) * m),
         Quality((), math.nan, 0.0, 0.0),
+        arx_recursive.init(setup.arx) if setup.layout is None else None,
     )
 
 
@@ -172,6 +189,7 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
     if len(state.movement.mean) != m or len(state.movement.variance) != m:
         yield "armax has another number of inputs"
     yield from _check_separate(setup, state.separate)
+    yield from _check_arx(setup, state.arx)
     if model is None:
         return
     if not np.array_equal(model.forgetting, np.array(forgetting)):
@@ -200,6 +218,19 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
         yield "the law of the innovations of armax is none"
     if not np.abs(model.theta).max(initial=0.0) <= MAX_PARAMETER:
         yield "the parameters of armax are larger than any measured quantity"
+
+
+def _check_arx(setup: Setup, model: arx_recursive.State | None) -> Iterator[str]:
+    if model is None or setup.layout is not None:
+        if (model is None) != (setup.layout is not None):
+            yield "armax has another number of inputs"
+        return
+    shape, m = setup.arx, len(setup.input_names)
+    good = model.products.shape == (shape.memories, shape.width, shape.width)
+    good &= model.weights.shape == (2, shape.memories)
+    good &= all(len(row) == 2 + m for row in model.rows) and len(model.rows) <= shape.reach + shape.block
+    if not good or not model.fresh < shape.block or model.fresh > len(model.rows):
+        yield "the products of armax have another shape"
 
 
 def _check_separate(setup: Setup, model: box_jenkins_state.State | None) -> Iterator[str]:

@@ -12,6 +12,7 @@ from canid.mathematics.estimators import output_stamps, plausibility, pooling
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification import feedback_bias, identifiability, residual_tests, rounding
 from canid.mathematics.identification.armax import (
+    arx_recursive,
     box_jenkins,
     box_jenkins_channels,
     gain_and_delay,
@@ -20,7 +21,6 @@ from canid.mathematics.identification.armax import (
 )
 from canid.mathematics.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.mathematics.identification.armax.box_jenkins import BoxJenkinsFit
-from canid.mathematics.identification.armax.rates import LONG_AR_S
 from canid.mathematics.identification.armax.simulated_fit import armax_fit_percent
 from canid.mathematics.identification.identifiability import gain_only
 from canid.mathematics.identification.output_filter import is_unknown
@@ -39,8 +39,6 @@ ANSWER_SIGMAS = 3.9
 INPUT_LATE = (
     "the output moves before the input that it answers: the input is recorded late, and no gain holds"
 )
-# s; lags of the ARX models that are compared: one sample more each would say the same
-ARX_S = (0.2, 0.3, 0.4, 0.6, 0.8, 1.1, LONG_AR_S)
 
 
 def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
@@ -116,25 +114,55 @@ def _by_arx(trace: Trace, usable: npt.NDArray[np.bool_], nk: int) -> tuple[dict[
     ARMAX(2,2,1) was 0.6 to 1.3 times the truth. ARX models hold every noise as their order grows (sec. 10.4), and AIC lets
     it grow with what is known (Shibata 1980).
     """
-    counts = sorted({max(round(seconds / trace.dt), 2) for seconds in ARX_S})
-    rows = trace.output, trace.inputs, usable
-    compared = order_selection.compare(
-        *rows, [Orders(n, n, 0, nk) for n in counts], segment=trace.segment, dt=trace.dt
-    )
-    best = min(compared, key=lambda each: np.nan_to_num(each.aic, nan=np.inf)).orders
+    best = _arx_orders(trace, usable, nk)
     fitted = _fitted(trace, usable, best)
     if fitted is None:
         return dict.fromkeys(trace.input_names, Channel()), "", ""
     fit = fitted[0]
     channels = gain_and_delay.channels(trace.input_names, fit.A, fit.B, nk, fit.covariance, trace.dt)
     which = f"K and delays from an ARX model of {best.na} lags, by AIC"
-    # nobody answers within the sample: what does so answers an input that is recorded late
+    late = _moves_first(trace, usable, best)
+    return feedback_bias.without_all(channels), which, INPUT_LATE if late else ""
+
+
+def _arx_orders(trace: Trace, usable: npt.NDArray[np.bool_], nk: int) -> Orders:
+    """Orders that AIC prefers."""
+    candidates = [Orders(n, n, 0, nk) for n in arx_recursive.lags(trace.dt)]
+    compared = order_selection.compare(
+        trace.output, trace.inputs, usable, candidates, segment=trace.segment, dt=trace.dt
+    )
+    return min(compared, key=lambda each: np.nan_to_num(each.aic, nan=np.inf)).orders
+
+
+def _moves_first(trace: Trace, usable: npt.NDArray[np.bool_], best: Orders) -> bool:
+    """Does the output answer within the sample? Nobody does: what does so answers an input that is recorded late."""
     at_once = _fitted(trace, usable, Orders(best.na, best.nb + 1, 0, 0))
-    late = at_once is not None and any(
+    return at_once is not None and any(
         float(np.sign(b.sum()) * b[0]) > ANSWER_SIGMAS * sd
         for b, sd in zip(at_once[0].B, at_once[0].standard_errors.B[:, 0].tolist(), strict=True)
     )
-    return feedback_bias.without_all(channels), which, INPUT_LATE if late else ""
+
+
+def input_late(trace: Trace, usable: npt.NDArray[np.bool_]) -> str:
+    """Why no gain of one input holds; "": the output does not move before it.
+
+    Args:
+        trace: of a drive.
+        usable: (n,) samples that are fitted.
+
+    Example:
+        >>> from canid.values.types import LearnGate
+        >>> (rng, y), every = (np.random.default_rng(0), np.zeros(900)), np.ones(900, dtype=bool)
+        >>> u = rng.normal(size=900)
+        >>> for t in range(3, 900): y[t] = 0.8 * y[t-1] + 0.5 * u[t-3] + 0.1 * rng.normal()
+        >>> rest = ("x",), (LearnGate.OPEN,) * 900, every, np.zeros(900, int), {}
+        >>> both = [Trace(0.1, 0.1 * np.arange(900), y, np.roll(u, k)[:, None], *rest) for k in (0, 3)]
+        >>> [input_late(trace, every)[:16] for trace in both]
+        ['', 'the output moves']
+    """
+    trace = pooling.pooled(trace._replace(learn=trace.learn & usable))
+    usable = trace.learn & np.isfinite(trace.output) & np.isfinite(trace.inputs).all(axis=1)
+    return INPUT_LATE if _moves_first(trace, usable, _arx_orders(trace, usable, Orders().nk)) else ""
 
 
 class _Separate(NamedTuple):

@@ -130,46 +130,21 @@ def _sums(covariance: Array, na: int) -> tuple[float, float, float]:
     )
 
 
-def anytime_gain(
-    theta: Array, covariance: Array, before: Array, seconds: float, *, na: int, nb: int, inputs: int
-) -> tuple[Interval, ...]:
-    """Return, per input, the interval of K that holds at all times simultaneously while the driver stays the same.
+def anytime(K: Interval, seconds: float) -> Interval:
+    """The interval of K that holds at all times simultaneously while the driver stays the same.
 
-    See confidence_sequence.py for what it promises and for whom.
+    See confidence_sequence.py for what it promises and for whom; information grows with time.
 
     Args:
-        theta: (n,) a1..., b_1,1..., b_2,1..., and whatever follows, of a memory that forgets nothing.
-        covariance: (n, n) of theta now.
-        before: (n, n) of theta when the memory began.
-        seconds: of data that it knew when it began.
-        na: order of A.
-        nb: order of B.
-        inputs: how many.
+        K: its plain interval.
+        seconds: of data that it rests on.
 
-    >>> theta, P = np.array([-0.8, 0.5]), 1e-6 * np.eye(2)
-    >>> found = anytime_gain(theta, P, 8 * P, 15.0, na=1, nb=1, inputs=1)[0]
-    >>> plain = ratio(0.5, 0.2, 1e-6, 1e-6, 0.0)
-    >>> round((found.high - found.low) / (plain.high - plain.low), 2)
+    >>> found = anytime(Interval(5.0, 4.0, 6.0), 120.0)
+    >>> round((found.high - found.low) / 2.0, 2)
     1.55
     """
-    a = 1.0 + float(theta[:na].sum())
-    intervals = []
-    for i in range(inputs):
-        indices = np.r_[0:na, na + i * nb : na + (i + 1) * nb]
-        b = float(theta[na + i * nb : na + (i + 1) * nb].sum())
-        now, then = (_sums(P[np.ix_(indices, indices)], na) for P in (covariance, before))
-        # what is known of B(1) - K A(1), against what would be after SHARPEST_S at the pace of the start
-        gained = _of_ratio(b / a, then) / _of_ratio(b / a, now) if a else 0.0
-        z = confidence_sequence.widening(gained * seconds / SHARPEST_S)
-        vb, va, vab = now
-        intervals.append(ratio(b, a, vb, va, vab, z))
-    return tuple(intervals)
-
-
-def _of_ratio(K: float, sums: tuple[float, float, float]) -> float:
-    """Variance of B(1) - K A(1)."""
-    vb, va, vab = sums
-    return vb - 2.0 * K * vab + K * K * va
+    factor = confidence_sequence.widening(seconds / SHARPEST_S) / NORMAL_QUANTILE
+    return Interval(K.value, K.value - factor * (K.value - K.low), K.value + factor * (K.high - K.value))
 
 
 def ratio(b: float, a: float, vb: float, va: float, vab: float, z: float = NORMAL_QUANTILE) -> Interval:

@@ -97,7 +97,10 @@ def channels(solved: FittedLane, data: LaneData) -> dict[str, Channel]:
     at_lock = bool((data.output.usable & data.output.hidden).any())
     free = all(q[k] < HIGH[k] - BOUND_SCALE_SHARE * SCALE[k] for k in (TAU, THETA))
     known = identifiability.judge(gain, sd(K), sd(TAU), sd(THETA), sd(TAU, THETA), free)
-    status = Identifiable.NOT if at_lock else known
+    # a driver has three lags and more: of two lags and a dead time the sum alone is theirs. On 3 drives of another simulator
+    # K and the sum held, tau and the dead time on none
+    status = Identifiable.SUM_ONLY if known is Identifiable.OK else known
+    status = Identifiable.NOT if at_lock else status
     return {
         "lateral_offset": identifiability.channel(
             status,

@@ -7,7 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
-from canid.mathematics.estimators import output_stamps
+from canid.mathematics.estimators import armax_whole_drive, output_stamps
 from canid.models.diagnosis.corrections import Context, Corrected, TooLittleError
 from canid.models.diagnosis.driver import held_out
 from canid.models.diagnosis.driver.driver_intervals import episode_parameters
@@ -25,7 +25,7 @@ from canid.models.diagnosis.vehicle import vehicle_block
 from canid.models.diagnosis.verdict import Gained
 from canid.models.effects.effect import Effect
 from canid.values.findings import Blocked, Fit
-from canid.values.types import Array, Trace
+from canid.values.types import Array, Channel, Trace
 
 # m/s; standard deviation of a speed that has no axis of its own in a map
 STEADY_SPEED = 0.5
@@ -45,6 +45,7 @@ class Baseline(NamedTuple):
     corrected: Corrected
     data: LaneData
     fitted: FittedLane
+    late: str  # why the offset is taken to be recorded late; "": it is not
 
 
 class Searched(NamedTuple):
@@ -84,7 +85,8 @@ def prepare(corrected: Corrected) -> Baseline:
         raise TooLittleError("too few samples in a row in which a person keeps the lane", steps)
     if not lane_fit.answered(data, fitted):
         raise TooLittleError(NO_ANSWER, steps)
-    return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted)
+    late = armax_whole_drive.input_late(trace, data.output.usable & ~data.output.hidden)
+    return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted, late)
 
 
 def search(base: Baseline) -> Searched:
@@ -99,7 +101,7 @@ def search(base: Baseline) -> Searched:
     block = Keeping(base.data, base.fitted, settings.catalogue, seed)
     confirmed = confirmed_search.search_causes(block, settings.catalogue, settings.progress)
     # curves turn the wheel more than an offset does: with a cause that explains them the model may hold
-    refused = lane_fit.refusal(confirmed.search.data, confirmed.search.solved)
+    refused = lane_fit.refusal(confirmed.search.data, confirmed.search.solved) or base.late
     if not refused:
         return Searched(base, confirmed, settings.catalogue, "")
     nothing = confirmed_search.search_causes(block, (), settings.progress)
@@ -136,7 +138,8 @@ def assess(searched: Searched) -> Assessed:
     moves = float(np.std(data.speed[used])) > STEADY_SPEED
     rows, order = int(before.rows.sum()), before.noise.A.size - 1
     return Assessed(
-        base.corrected, trace, used, _fit(before, before.fitted.model, data), _fit(solved, after_out, data),
+        base.corrected, trace, used,
+        _fit(searched, before, before.fitted.model), _fit(searched, solved, after_out),
         (before.fitted.model, after_out), findings, held, gained, len(effects), search.steps,
         expected=expected,
         undecided=undecided,
@@ -154,6 +157,9 @@ def assess(searched: Searched) -> Assessed:
     )  # fmt: skip
 
 
-def _fit(solved: FittedLane, out: Array, data: LaneData) -> Fit:
+def _fit(searched: Searched, solved: FittedLane, out: Array) -> Fit:
+    data = searched.baseline.data
     percent, sd = fit_quality(data.output.y, out, data.output.usable & ~data.output.hidden)
-    return Fit(lane_fit.channels(solved, data), percent, out, sd)
+    # what does not describe the drive has no number to quote
+    channels = lane_fit.channels(solved, data) if not searched.refused else {"lateral_offset": Channel()}
+    return Fit(channels, percent, out, sd)
