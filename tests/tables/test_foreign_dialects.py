@@ -82,6 +82,7 @@ DIALECTS = {
     "MoTeC pedal": _text("Time,Ground Speed,Accel Pedal Pos,Gap,Range Rate\ns,km/h,%,m,m/s"),
     "HP Tuners": HP_TUNERS + _text(""),
     "INCA": _text("time\tv\tApp\tgap\tv_rel\ns\tkm/h\t%\tm\tm/s\nf8\tf8\tf8\tf8\tf8", mark="\t"),
+    "labelled units": _text("Units,s,km/h,%,m,m/s\nTime,Speed,Pedal,Gap,RangeRate"),
     "LabVIEW": _text(LVM, mark="\t"),
     "pandas index": _text(USUAL.removeprefix("time"), _written("%Y-%m-%d %H:%M:%S.%f")),
     "pandas timedelta": _text(USUAL, lambda k: f"0 days 00:{k // 600:02d}:{k / 10 % 60:09.6f}"),

@@ -14,7 +14,7 @@ _WORDS: dict[str, str] = {
     "": "the of an my is value signal measured actual current vehicle car veh obd can canbus sensor radar lidar "
     "fahrzeug des der die das zum zu von vom vor dem ist wert istwert gemessen gemessene aktuelle "
     "du de la le les au aux un une en mesure mesuree vehicule voiture actuelle "
-    "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to do da veiculo het van tot "
+    "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to do da veiculo het tot "
     "voertuig data field msg",
     "own": "own ego host self subject sv fv follower eigen eigenes eigene propre propio propia proprio propria",
     "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "

@@ -131,8 +131,9 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
     if len(header.names) > MAX_COLUMNS:
         raise LogError(f"{name}: has {len(header.names):,} columns; at most {MAX_COLUMNS:,} are read")
     # LabVIEW writes the units some lines above the names
-    above = [split(line, delimiter) for line in lines[:k] if _OF_UNITS.match(line)]
-    texts = [split(lines[j], delimiter) for j in header.lines] + above[-1:]
+    above = [split(line, delimiter) for line in lines[:k] if _OF_UNITS.match(line)][-1:]
+    texts = [split(lines[j], delimiter) for j in header.lines]
+    texts += [cells[len(cells) > len(header.names) :] for cells in above]  # without a label of its own
     return _layout(
         _headings(header.names, texts), delimiter, lines[header.first :], header.first, k, encoding
     )
