@@ -104,7 +104,7 @@ def test_one_quantity_in_two_units_is_taken_once(tmp_path: Path) -> None:
     path.write_text("time,v [m/s],v [mps],gap,range_rate,accel\n" + rows, encoding="utf-8")
     assert "speed = v [m/s]" in open_table(path).columns
     path.write_text("time,v,v,gap,range_rate,accel\n" + rows, encoding="utf-8")
-    with pytest.raises(ConfigError, match="speed could be v, v"):
+    with pytest.raises(ConfigError, match="speed could be v #1, v #2"):
         open_table(path)
 
 

@@ -40,6 +40,9 @@ def in_order(
     place = by_role[TIME].place
     values = [column.place for role, column in by_role.items() if role not in (TIME, *IDS)]
     times = times_of(by_role, by, table, texts, name)
+    if (wrong := row_order.strays(times.t)).any():
+        table = _without_times(table, place, wrong)
+        times = times_of(by_role, by, table, texts, name)
     columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
     clock = row_clock.unwrapped(times.t, times.zero, columns, local=times.local)
     if clock is not None and row_order.by_time(clock.t)[0] is None:
@@ -59,6 +62,16 @@ def in_order(
     column = by_role[TIME].entry.names[0]
     again = row_order.repeated(times.t, columns, f"{name}: {column}", says.counted)
     return times._replace(note="; ".join(filter(None, (times.note, again)))), table, note
+
+
+def _without_times(table: rows.Rows, place: int, which: npt.NDArray[np.bool_]) -> rows.Rows:
+    """The rows, some of them with a time that is no number."""
+    if place in table.texts:
+        cells = [
+            "-" if wrong else cell for cell, wrong in zip(table.texts[place], which.tolist(), strict=True)
+        ]
+        return table._replace(texts={**table.texts, place: cells})
+    return table._replace(numbers={**table.numbers, place: np.where(which, NO_NUMBER, table.numbers[place])})
 
 
 def times_of(

@@ -1,4 +1,4 @@
-"""What the words of a heading say, in English, German, French, Spanish and Italian: "speed of the lead vehicle".
+"""What the words of a heading say, in seven European languages: "speed of the lead vehicle".
 
 A heading is understood only where each of its words is known: "speed limit", "lead distance filtered" and "throttle
 position" stand for nothing. The names of `headings.ALIASES` come first.
@@ -14,24 +14,25 @@ _WORDS: dict[str, str] = {
     "": "the of an my is value signal measured actual current vehicle car veh obd can canbus sensor radar lidar "
     "fahrzeug des der die das zum zu von vom vor dem ist wert istwert gemessen gemessene aktuelle "
     "du de la le les au aux un une en mesure mesuree vehicule voiture actuelle "
-    "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to",
+    "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to do da veiculo het tot "
+    "voertuig data field msg",
     "own": "own ego host self subject sv fv follower eigen eigenes eigene propre propio propia proprio propria",
     "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "
-    "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant",
-    "relative": "relative rel relativ relativa relativo differenz",
+    "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente voorligger",
+    "relative": "relative rel relativ relativa relativo relatieve differenz",
     "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
-    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita",
+    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid",
     "rate": "rate",
     "distance": "distance dist d distanz distancia distanza",
-    "gap": "gap range clearance abstand lucke interdistance",
-    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione",
+    "gap": "gap range clearance abstand lucke interdistance afstand",
+    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao",
     "along": "longitudinal longit langs longitudinale",
     "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore",
-    "pedal": "pedal pedale",
+    "pedal": "pedal pedale pedaal",
     "place": "position pos stellung winkel posicion posizione",
     "brake": "brake braking bremse brems frein freno",
     "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
-    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo",
+    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd",
     "stamp": "stamp stempel",
     "headway": "headway",
     "satellite": "gps gnss",
@@ -59,7 +60,8 @@ _ROLES: dict[str, tuple[str, ...]] = {
     "headway": ("headway time", "gap time", "headway time lead", "gap time lead"),
     "accel": ("acceleration", "own acceleration"),
     "pedal": (
-        "accelerator", "accelerator pedal", "accelerator place", "accelerator pedal place", "own accelerator pedal",
+        "accelerator", "accelerator pedal", "accelerator place", "accelerator pedal place", "own accelerator pedal", "pedal",
+        "pedal place",
     ),
     "brake": ("brake", "brake pedal", "brake switch", "brake pedal switch", "brake pedal place switch"),
     "gnss_speed": ("satellite speed",),
@@ -102,13 +104,14 @@ def closing_in_words(name: str) -> bool:
 
 
 def says_accelerator(name: str) -> bool:
-    """Whether a heading that has no role may still be that of the pedal.
+    """Whether a heading that has no role may still be that of the accelerator pedal.
 
     Example:
         >>> says_accelerator("throttle_position"), says_accelerator("accelerator_pedal_raw"), says_accelerator("pad")
         (True, True, False)
     """
-    return any(word == "throttle" or "accelerator" in (_meanings([word]) or ()) for word in name.split("_"))
+    meanings = {meaning for word in name.split("_") for meaning in (_meanings([word]) or {word})}
+    return bool({"throttle", "accelerator", "pedal"} & meanings) and not {"brake", "clutch"} & meanings
 
 
 def _meanings(words: Iterable[str]) -> set[str] | None:

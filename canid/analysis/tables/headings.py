@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from canid.analysis.tables.heading_words import closing_in_words, role_in_words
@@ -42,21 +43,27 @@ IDS = ("vehicle_id", "lead_id", "own_id", "lane", "episode")
 # (spacing, throttle, delta_v, acceleration of what, distance from where): `--columns` names them
 ALIASES: dict[str, tuple[str, ...]] = {
     TIME: ("t", "timestamp", "time_stamp", "timestamps", "datetime", "date_time", "utc", "utc_time", "epoch",
-           "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time"),
+           "x_value", "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time",
+           "local_time", "system_time", "time_of_day", "unix_time", "unix_timestamp", "rel_time", "abs_time",
+           "simulation_time", "sim_time",
+           "時間", "時刻", "时间"),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
               "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",
-              "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d"),
+              "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d",
+              "accelerator_position_d", "accel_pedal_pos", "accelerator_pedal_pos", "pps",
+              "アクセル開度", "油门踏板", "油门踏板开度", "加速踏板", "加速踏板开度"),
     "speed": ("v", "v_ego", "ego_speed", "own_speed", "vehicle_speed", "speed_ego", "vego", "velocity", "ego_velocity",
               "speed_own", "car_speed", "follower_speed", "speed_follower", "self_speed", "v_follower", "host_speed",
-              "ground_speed", "speed_obd", "obd_speed", "speed_canbus"),
+              "ground_speed", "vss", "speed_obd", "obd_speed", "speed_canbus", "車速", "车速", "自车速度", "自車速度"),
     "lead_speed": ("v_lead", "speed_lead", "leader_speed", "speed_leader", "lead_velocity", "preceding_speed",
-                   "lead_vehicle_speed", "target_speed", "v_leader", "vlead", "lv_speed"),
+                   "lead_vehicle_speed", "target_speed", "v_leader", "vlead", "lv_speed", "前车速度",
+                   "先行車速度", "前車速度"),
     "gap": ("lead_distance", "distance_to_lead", "distance_gap", "gap_distance", "lead_gap", "d_rel", "drel",
             "following_distance", "bumper_to_bumper", "distance_headway_net", "clearance", "range", "dist_to_lead",
-            "inter_vehicle_distance", "target_distance"),
+            "inter_vehicle_distance", "target_distance", "車間距離", "车间距", "车距", "跟车距离"),
     "range_rate": ("rangerate", "v_rel", "vrel", "relative_speed", "rel_speed", "relative_velocity", "lead_rel_speed",
-                   "gap_rate", "lead_relative_speed", "rel_velocity"),
-    HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap"),
+                   "gap_rate", "lead_relative_speed", "rel_velocity", "相対速度", "相对速度"),
+    HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap", "車間時間", "车头时距"),
     "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
     "episode": ("episode_id", "trajectory_id", "traj_id", "case_id", "event_id", "trip_id", "run_id", "segment_id"),
@@ -66,7 +73,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "clutch": ("clutch_pressed", "clutch_pedal"),
     "accel": ("a", "ax", "acceleration", "a_ego", "ego_accel", "ego_acceleration", "long_accel", "aego",
               "longitudinal_acceleration", "own_acceleration", "accel_x", "vehicle_acceleration", "longitudinal_acc",
-              "long_acc", "inline_acc"),
+              "long_acc", "inline_acc", "加速度"),
     "accel_command": ("accel_cmd", "commanded_acceleration", "acceleration_command", "target_acceleration"),
     "grade": ("slope", "road_grade"),
     "altitude": ("alt", "elevation", "height", "gps_altitude"),
@@ -85,7 +92,10 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "curvature": ("road_curvature",),
 }  # fmt: skip
 # times since a fixed date; where a table has times of another name as well (`canid export --time utc`), those are taken
-DATED = ("utc", "utc_time", "epoch", "datetime", "date_time", "device_time", "gps_time")
+DATED = (
+    "utc", "utc_time", "epoch", "datetime", "date_time", "device_time", "gps_time", "local_time", "system_time",
+    "time_of_day", "unix_time", "unix_timestamp", "abs_time",
+)  # fmt: skip
 # positive = closing: the other sign
 CLOSING = ("closing_speed", "closing_rate", "closing_velocity", "approach_speed", "approach_rate")
 
@@ -95,15 +105,21 @@ _NAMED |= {role: role for role in (*ROLES, *EXTRA)}
 # units that a name may end with, such as speed_kmh; an underscore stands for what an identifier cannot hold
 _ENDINGS = {
     "kmh": "km/h", "kph": "km/h", "km_h": "km/h", "mph": "mph", "mps": "m/s", "m_s": "m/s", "ms": "ms", "us": "us",
-    "ns": "ns", "s": "s", "sec": "s", "m": "m", "ft": "ft", "cm": "cm", "km": "km", "pct": "%", "percent": "%",
+    "μs": "us", "ns": "ns", "s": "s", "sec": "s", "m": "m", "ft": "ft", "cm": "cm", "km": "km", "pct": "%",
+    "percent": "%",
     "deg": "deg", "rad": "rad", "m_s2": "m/s2", "mps2": "m/s2", "ms2": "m/s2", "fps": "ft/s", "ft_s": "ft/s",
-    "rad_s": "rad/s", "deg_s": "deg/s", "g": "g", "rpm": "rpm", "knots": "kn",
+    "rad_s": "rad/s", "deg_s": "deg/s", "g": "g", "rpm": "rpm", "knots": "kn", "%": "%", "yd": "yd", "mi_h": "mph",
 }  # fmt: skip
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*", re.DOTALL)
+_STANDARD = re.compile(r"\s*\(SAE\)", re.IGNORECASE)  # whose definition a channel has, in HP Tuners' logs
+_SOURCE = re.compile(r"(\s*[\[(][^\[\]()]*[\])])\s*\*(\w+)$")  # RaceChrono's "Speed (m/s) *obd"
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _ELISION = re.compile(r"\b[dl]['\u2019](?=\w)", re.IGNORECASE)  # "pédale d'accélérateur"
 # characters; a heading that is longer names no role
 MAX_HEADING = 200
+# a signal's heading with the path of what has it
+_PATH = re.compile(r"(?P<path>[^\[(]*(?:::|[./\\])(?=\S))(?P<name>[^\W\d][^./\\:\[(]*(?:[\[(].*)?)")
+_MIN_SIGNALS = 3
 
 
 def heading(text: str) -> Heading:
@@ -112,12 +128,17 @@ def heading(text: str) -> Heading:
     Example:
         >>> heading("gap [m]"), heading("speed_kmh").unit, heading("Vehicle Speed (km/h)").name
         (Heading(text='gap [m]', name='gap', unit='m'), 'km/h', 'vehicle_speed')
+        >>> [heading(text)[1:] for text in ("pedal in %", "Gap / m", "車速（km/h）", "pedal [-]")]
+        [('pedal', '%'), ('gap', 'm'), ('車速', 'km/h'), ('pedal', None)]
     """
-    plain = text.strip().strip("\"'").strip()[:MAX_HEADING]
+    if len(text) > MAX_HEADING:
+        return Heading(text, "-", None)
+    plain = unicodedata.normalize("NFKC", text.strip().strip("\"'").strip())
+    plain = _SOURCE.sub(r" \2\1", _STANDARD.sub("", plain))
     match = _BRACKETS.fullmatch(plain)
     unit: str | None = None
     if match is not None and match["name"]:
-        unit = (match["square"] if match["square"] is not None else match["round"]).strip()
+        unit = (match["square"] if match["square"] is not None else match["round"]).strip().strip("-") or None
         plain = match["name"]
     name = _name(plain)
     if unit is not None and (longer := _name(f"{plain} {unit}")) != name and longer in _NAMED:
@@ -125,13 +146,33 @@ def heading(text: str) -> Heading:
     if unit is None and name not in _NAMED:
         for ending in sorted(_ENDINGS, key=len, reverse=True):
             if name.endswith(f"_{ending}"):
-                return Heading(text, name.removesuffix(f"_{ending}"), _ENDINGS[ending])
+                return Heading(text, name.removesuffix(f"_{ending}").removesuffix("_in"), _ENDINGS[ending])
     return Heading(text, name, unit)
+
+
+def parsed_without_path(headings: Sequence[str]) -> list[Heading]:
+    """Read headings, without the path of a model or a message that all signals begin with: "Model Root/Speed [km/h]".
+
+    Example:
+        >>> [head.name for head in parsed_without_path(["time", *(f"Model Root/{x}" for x in ("Speed", "Gap", "Pedal"))])]
+        ['time', 'speed', 'gap', 'pedal']
+    """
+    parsed = [heading(text) for text in headings]
+    matches = [_PATH.fullmatch(text.strip()) for text in headings]
+    paths = {match["path"] for match in matches if match is not None}
+    signals = sum(match is not None for match in matches)
+    # a path that says something, as that of the lead, or one of several, is no decoration
+    if len(paths) != 1 or signals < _MIN_SIGNALS or not {*map(role_of, parsed)} <= {TIME, None}:
+        return parsed
+    return [
+        head if match is None else heading(match["name"])._replace(text=head.text)
+        for head, match in zip(parsed, matches, strict=True)
+    ]
 
 
 def _name(text: str) -> str:
     bare = "".join(x for x in unicodedata.normalize("NFD", text) if not unicodedata.combining(x))
-    return re.sub(r"[^0-9a-zA-Z%²°]+", "_", _CAMEL.sub("_", _ELISION.sub("", bare))).strip("_").lower()
+    return re.sub(r"[^\w%°]+|_+", "_", _CAMEL.sub("_", _ELISION.sub("", bare))).strip("_").lower()
 
 
 def role_of(heading: Heading) -> str | None:

@@ -18,8 +18,8 @@ from canid.analysis.tables.headings import (
     TIME,
     Heading,
     closing,
-    heading,
     in_words,
+    parsed_without_path,
     role_of,
 )
 from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
@@ -38,6 +38,8 @@ LEAD_MOTION = ("range_rate", "lead_speed", "lead_id", "lane", "lead_position")
 _REDUNDANT = ("gnss_speed", "wheel_speed", "altitude", "lat", "lon")
 # columns that a message names
 MAX_DESCRIBED = 8
+# of several columns with the same heading, one
+_EQUAL = re.compile(r"(.+?) ?#(\d{1,4})")
 
 
 class Found(NamedTuple):
@@ -93,7 +95,7 @@ def resolve(
         >>> {role: (column.place, column.unit) for role, column in columns.items()}
         {'time': (0, None), 'speed': (1, 'km/h'), 'gap': (2, None)}
     """
-    parsed = [heading(text) for text in headings]
+    parsed = parsed_without_path(headings)
     if by.entries:
         return _by_map(parsed, by, name, number, says)
     by_name, notes = _by_heading(parsed, name, says, source)
@@ -138,21 +140,21 @@ def _by_heading(
             places = _times(places, parsed, source)
         chosen = exact or places
         any_will_do = (
-            role == TIME or role in _REDUNDANT or _same_quantity([parsed[place] for place in chosen])
+            (role == TIME and not _differ(chosen, parsed, source))
+            or role in _REDUNDANT
+            or _same_quantity([parsed[place] for place in chosen])
         )
         if len(chosen) > 1 and any_will_do:
             if role != TIME:
                 chosen = sorted(chosen, key=lambda place: not _is_base(parsed[place]))
-            second = several([brief(parsed[place].text.strip()) for place in chosen[1:]])
-            notes.append(
-                f"{role}: taken from {brief(parsed[chosen[0]].text.strip())}; there is {second} as well"
-            )
+            first, *others = [brief(named_apart(place, parsed)) for place in chosen]
+            notes.append(f"{role}: taken from {first}; there is {several(others)} as well")
             chosen = chosen[:1]
         if len(chosen) > 1:
-            same = [parsed[place].text for place in chosen]
+            same = [named_apart(place, parsed) for place in chosen]
             raise ConfigError(
                 f"{name}: {role} could be {several(same)}; name the one that is meant: "
-                f"{says.column(role, brief(same[0]))}"
+                f"{says.column(role, brief(same[-1]))}"
             )
         place = chosen[0]
         entry = ColumnEntry.model_validate(parsed[place].text)
@@ -191,6 +193,13 @@ def _times(places: Sequence[int], parsed: Sequence[Heading], source: Source | No
     return sorted(undated, key=lambda place: usual.index(parsed[place].name))
 
 
+def _differ(places: Sequence[int], parsed: Sequence[Heading], source: Source | None) -> bool:
+    """Whether columns have the same heading and other values."""
+    sample = source.sample() if source is not None else []
+    equal = len({parsed[place].text.strip() for place in places}) == 1
+    return bool(sample) and equal and any(sample[place] != sample[places[0]] for place in places)
+
+
 def _same_quantity(columns: Sequence[Heading]) -> bool:
     """Whether columns of one name differ in their units alone."""
     units = [unit_of(column.unit or "") for column in columns]
@@ -208,10 +217,17 @@ def place_of(wanted: str, parsed: Sequence[Heading]) -> int:
     """The place of a column; −1: there is none. Its text, or the text without the unit, in any case.
 
     Example:
+        >>> from canid.analysis.tables.headings import heading
         >>> place_of("v", [heading("t"), heading("V [km/h]")])
+        1
+        >>> place_of("v #2", [heading("v"), heading("v")])
         1
     """
     plain = wanted.strip()
+    if (equal := _EQUAL.fullmatch(plain)) is not None:
+        places = _equal(equal[1], parsed)
+        if len(places) > 1:
+            return places[int(equal[2]) - 1] if 0 < int(equal[2]) <= len(places) else -1
     texts = [column.text.strip() for column in parsed]
     lower = [text.lower() for text in texts]
     bare = [re.split(r"\s*[\[(]", text)[0] for text in lower]
@@ -219,6 +235,24 @@ def place_of(wanted: str, parsed: Sequence[Heading]) -> int:
         if name in names:
             return names.index(name)
     return -1
+
+
+def _equal(text: str, parsed: Sequence[Heading]) -> list[int]:
+    """The places of the columns with this heading."""
+    return [place for place, column in enumerate(parsed) if column.text.strip() == text]
+
+
+def named_apart(place: int, parsed: Sequence[Heading]) -> str:
+    """A column's heading, with its number where others have the same.
+
+    Example:
+        >>> from canid.analysis.tables.headings import heading
+        >>> [named_apart(k, [heading("t"), heading("v"), heading("v")]) for k in range(3)]
+        ['t', 'v #1', 'v #2']
+    """
+    text = parsed[place].text.strip()
+    equal = _equal(text, parsed)
+    return f"{text} #{equal.index(place) + 1}" if len(equal) > 1 else text
 
 
 def _filled(name: str, number: int | None) -> str:
@@ -274,6 +308,13 @@ def _by_map(
             f"{name}: no vehicle {number} follows in it (with own speed, gap and lead speed): {listed}"
         )
     by_role = _entries(parsed, by, number)
+    for role, column in by_role.items():
+        equal = [named_apart(place, parsed) for place in _equal(column.entry.names[0].strip(), parsed)]
+        if len(equal) > 1:
+            raise ConfigError(
+                f"{name}: {role}: several columns are called {brief(column.entry.names[0])}: name the one that is meant "
+                f"{' or '.join(map(brief, equal[:MAX_DESCRIBED]))}"
+            )
     for role, entry in by.entries.items():
         if entry.sign_of and role in by_role and by_role[role].sign_place < 0:
             raise ConfigError(f"{name}: no column {brief(entry.sign_of)}, of which {role} has the sign")
@@ -303,4 +344,6 @@ def described(by_role: Mapping[str, Found], headings: Sequence[str]) -> str:
 
 def _named(headings: Sequence[str], column: Found) -> str:
     places = (column.date_place, column.place)
-    return " + ".join(brief(headings[place].strip()) for place in places if place >= 0)
+    return " + ".join(
+        brief(headings[place].strip()) or "the column without a name" for place in places if place >= 0
+    )

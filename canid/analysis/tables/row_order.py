@@ -21,6 +21,8 @@ _REPEATED_SHARE = 0.4
 # rows of a stretch in order, and its share that another one covers, from which two stretches with the same columns are two
 # drives whose times begin anew: loggers write buffers of some rows, which overlap a little
 _STRETCH_ROWS, _COVERED_SHARE = 50, 0.5
+# usual steps by which a wrong time is off at least
+_STRAY_STEPS = 50
 # stretches that are compared with each other; a table with more is in no order at all
 _MAX_STRETCHES = 64
 
@@ -41,6 +43,32 @@ def by_time(t: Array) -> tuple[_Order | None, int]:
     known = t[np.isfinite(t)]
     late = int((known < np.maximum.accumulate(known)).sum()) if len(known) else 0
     return (np.argsort(t, kind="stable"), late) if late else (None, 0)
+
+
+def strays(t: Array) -> npt.NDArray[np.bool_]:
+    """Rows whose time alone is wrong: earlier or later than all others, between two that follow each other.
+
+    Args:
+        t: (n,) in the order of the file; NaN: no time.
+
+    Example:
+        >>> t = np.arange(100.0, 200.0)
+        >>> t[[20, 80]] = 0.0, np.inf
+        >>> strays(t).nonzero()[0]
+        array([20, 80])
+    """
+    out = np.zeros(len(t), bool)
+    known = np.flatnonzero(~np.isnan(t))
+    with np.errstate(invalid="ignore"):
+        steps, across = np.diff(t[known]), t[known[2:]] - t[known[:-2]]
+    if not (steps > 0.0).any():
+        return out
+    far = _STRAY_STEPS * float(np.median(steps[steps > 0.0]))
+    alone = (np.abs(steps[1:]) > far) & (np.abs(steps[:-1]) > far) & (across >= 0.0) & (across < far)
+    at = known[1:-1][alone]
+    others = np.delete(t[known], np.flatnonzero(alone) + 1)
+    out[at] = (t[at] < others.min()) | (t[at] > others.max())
+    return out
 
 
 def taken(rows: Rows, order: _Order) -> Rows:

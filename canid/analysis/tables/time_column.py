@@ -42,6 +42,12 @@ _STEPS_OF_DAYS = 1.1e-7, 5e-5
 _DATE_NUMBERS = ((18_264.0, 73_051.0, 25_569.0), (712_224.0, 767_011.0, 719_529.0))
 # s; a first row later than this is taken to be the first, so that --start and --stop count from it
 _LATE_START_S = 1.0
+# counts of 100 ns as programs of Windows write them: FILETIME since 1601, .NET's since year 1; 1997 to 2059, and ns of
+# 1973 and 1990: (least, most, s from their zero to 1970)
+_TICKS = (
+    (12_500 * 10**13, 14_500 * 10**13, 11_644_473_600),
+    (63_000 * 10**13, 65_000 * 10**13, 62_135_596_800),
+)
 _INTEGER = re.compile(r"-?\d{1,19}")
 # a zone at the end of a date
 _ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
@@ -153,7 +159,8 @@ def _of_digits(t: Array) -> Array | None:
 def _since(t: Array, first: float, factor: float, epoch: int | None, note: str) -> Times:
     zero = 0.0 if 0.0 <= first * factor <= _LATE_START_S else first
     # whole nanoseconds, as a log's
-    return Times(np.round((t - zero) * (factor * 1e9)) * 1e-9, epoch, note, zero * factor)
+    with np.errstate(over="ignore"):
+        return Times(np.round((t - zero) * (factor * 1e9)) * 1e-9, epoch, note, zero * factor)
 
 
 def judged_unit(values: Array) -> str:
@@ -193,6 +200,8 @@ def _judged(t: Array, name: str) -> tuple[str, str]:
         return "d", f"{name}: steps of {step:.3g}: taken as days; {state}"
     if step > 1e6:
         return "ns", f"{name}: steps of {step:g}: taken as nanoseconds"
+    if step > 1e3 * _LONG_STEP:
+        return "us", f"{name}: steps of {step:g}: taken as microseconds; {state}"
     if step > _LONG_STEP:
         return "ms", f"{name}: steps of {step:g}: taken as milliseconds; {state}"
     return "s", ""
@@ -239,6 +248,9 @@ def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:
     values = [int(text) if _INTEGER.fullmatch(text := raw.strip()) else None for raw in texts]
     size = abs(next(value for value in values if value is not None))
     if unit is None:
+        for least, most, zero in _TICKS:
+            if least <= size <= most:
+                return [None if value is None else value * 100 - zero * 10**9 for value in values]
         unit = next((u for u in ("s", "ms", "us", "ns") if size * UNITS[u] < 1e11), "ns")
     factor = round(UNITS[unit] * 1e9)
     return [None if value is None else value * factor for value in values]

@@ -30,7 +30,8 @@ _IDS = {
 _DATA = {
     "data", "databytes", "data_bytes", "d1", "d0", "b0", "b1", "data0", "data1", "payload", "message",
 }  # fmt: skip
-_BRACKETS = re.compile(r"[(\[].*?[)\]]")
+# what is in brackets, and the structure of MDF before a name, as asammdf exports bus logging
+_BRACKETS = re.compile(r"[(\[].*?[)\]]|^can_dataframe\.")
 # a cell of at least four bytes, as no table of signals has: 01 02 03 04, 0x01 0x02 0x03 0x04; three may be a date
 _BYTES = re.compile(r"(0x)?[0-9a-f]{2}([ -]+(0x)?[0-9a-f]{2}){3,63}", re.IGNORECASE)
 # rows of one such cell each, in one column, that make a list of frames whatever its header's language

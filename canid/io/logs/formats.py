@@ -84,6 +84,12 @@ FORMS = (
         None,
         "record with `candump -L` or `candump -l` (or with `-t a`)",
     ),
+    Form(
+        r"timestamp:\s+\d+\.\d+\s+ID:\s",
+        "is what python-can prints on the screen",
+        None,
+        "record with `python -m can.logger -f drive.asc`",
+    ),
     Form(r";\$(FILEVERSION|STARTTIME)|\s*\d+\)\s+-?[\d.]+\s", "a PCAN .trc", _TRC),
     Form(
         r"\*\*\*BUSMASTER|\*\*\*PROTOCOL|\d+:\d\d:\d\d:\d{3,6}\s+(Rx|Tx)\s+\d",

@@ -9,6 +9,18 @@ from pathlib import Path
 from canid.values.errors import ConfigError, LogError
 from canid.values.processes.kernel_files import of_the_kernel
 
+# what downloads leave instead of the file, and what holds it: first bytes in lower case, and what to do
+_OTHERS = (
+    (
+        b"version https://git-lfs",
+        "is a pointer of Git LFS, not the file itself: fetch it with `git lfs pull`",
+    ),
+    (b"<!doctype html", "is a page of a web server, not the file itself: download it anew"),
+    (b"<html", "is a page of a web server, not the file itself: download it anew"),
+    (b"%pdf-", "is a PDF: export the numbers as .csv"),
+    (b"pk\x03\x04", "is a ZIP archive, or a workbook: unpack it, or save it as .csv"),
+)
+
 
 def regular_file(path: Path) -> os.stat_result:
     """The state of a file that can be read as a log or a table; a pipe would be waited for, a device never ends.
@@ -29,7 +41,19 @@ def regular_file(path: Path) -> os.stat_result:
         raise LogError(f"{path} is a folder: name a log file in it")
     if not stat.S_ISREG(status.st_mode) or of_the_kernel(status):
         raise LogError(f"{path} is no file but a device or a pipe: name a log file")
+    for begin, says in _OTHERS if (first := _begin(path)) else ():
+        if first.startswith(begin):
+            raise LogError(f"{path} {says}")
     return status
+
+
+def _begin(path: Path) -> bytes:
+    """The first bytes of a file, in lower case; none where it cannot be read, which whoever reads it says."""
+    try:
+        with path.open("rb") as file:
+            return file.read(64).lstrip().lower()
+    except OSError:
+        return b""
 
 
 def is_regular(path: Path) -> bool:

@@ -24,6 +24,7 @@ WRAPS = (
     Wrap(65.536, "the counter of 16 bits in ms wraps"),
     Wrap(3600.0, "the clock is set back by an hour (end of summer time) or begins anew each hour"),
     Wrap(4294.967296, "the counter of 32 bits in µs wraps"),
+    Wrap(16_777.216, "the counter of 24 bits in ms wraps"),
     TWELVE_HOURS,
     Wrap(86_400.0, "the time of day goes over midnight"),
     Wrap(604_800.0, "the time of the GPS week begins anew"),

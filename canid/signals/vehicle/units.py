@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import unicodedata
 from typing import NamedTuple
 
 
@@ -28,17 +30,18 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("length", 0.01, ("cm",)),
     ("length", 0.001, ("mm",)),
     ("length", 0.3048, ("ft", "feet", "foot")),
+    ("length", 0.9144, ("yd", "yard", "yards")),
     ("length", 1609.344, ("mi", "mile", "miles")),
     (
         "acceleration",
         1.0,
-        ("m/s2", "m/s^2", "m/s²", "m/s/s", "mps2", "m/s**2", "m/sec2", "m/sec^2"),
+        ("m/s2", "m/s/s", "mps2", "ms-2", "m/sec2"),
     ),
     ("curvature", 1.0, ("1/m", "m-1", "rad/m")),
     ("curvature", 0.001, ("1/km", "km-1")),
     ("acceleration", 9.80665, ("g", "g's")),
     ("acceleration", 0.00980665, ("mg",)),
-    ("acceleration", 0.3048, ("ft/s2", "ft/s^2", "ft/s²", "fps2")),
+    ("acceleration", 0.3048, ("ft/s2", "fps2")),
     ("acceleration", _KMH, ("km/h/s", "kph/s")),
     ("angle", 1.0, ("rad", "radian", "radians")),
     ("angle", 0.001, ("mrad",)),
@@ -47,26 +50,31 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("angular rate", 0.001, ("mrad/s",)),
     ("angular rate", math.pi / 180, ("deg/s", "°/s", "deg/sec", "dps", "degree/s", "degrees/s", "degs-1")),
     ("ratio", 1.0, ("%", "percent", "pct", "prozent")),
-    ("ratio", 100.0, ("0..1", "0-1", "1", "fraction", "ratio", "pu", "p.u.")),
+    ("ratio", 100.0, ("0..1", "0-1", "1", "fraction", "ratio", "pu")),
     ("ratio", 0.1, ("‰", "permille", "promille")),
     ("rotation", 1.0, ("rpm", "1/min", "u/min", "r/min", "min-1", "rev/min", "/min")),
     ("rotation", 60.0, ("rps", "1/s", "rev/s")),
     ("time", 1.0, ("s", "sec", "second", "seconds")),
     ("time", 0.001, ("ms", "msec")),
 )
+# signs of powers and products: m·s⁻¹, m/s**2, p.u.
+_TYPOGRAPHY = re.compile(r"\s|\^|\*|·|(?<=[a-z])\.(?=[a-z])")
 _UNITS = {name: Unit(dimension, factor) for dimension, factor, names in _TABLE for name in names}
 
 
 def unit_of(text: str) -> Unit | None:
-    """Find the unit that a text names, or None. Case and inner blanks do not matter.
+    """Find the unit that a text names, or None. Case, inner blanks and how a power is written do not matter.
 
     Example:
         >>> unit_of("KPH")
         Unit(dimension='speed', factor=0.2777777777777778)
+        >>> unit_of("m·s⁻¹") == unit_of("m s^-1") == unit_of("m/s"), unit_of("m/s²") == unit_of("m/s**2")
+        (True, True)
         >>> unit_of("bananas") is None
         True
     """
-    return _UNITS.get("".join(text.split()).lower().strip("[]"))
+    plain = _TYPOGRAPHY.sub("", unicodedata.normalize("NFKC", text).lower().replace("\u2212", "-"))
+    return _UNITS.get(plain.strip("[]."))
 
 
 def factor_to(source: str, target: str) -> float | None:

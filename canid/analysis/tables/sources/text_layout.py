@@ -13,6 +13,7 @@ from canid.analysis.tables.headings import TIME, heading, role_of
 from canid.analysis.tables.source import MAX_COLUMNS
 from canid.analysis.tables.sources.cell_units import number_and_unit
 from canid.analysis.tables.sources.grouped_numbers import by_points
+from canid.analysis.tables.times.dates import is_date
 from canid.signals.vehicle.units import unit_of
 from canid.values.errors import LogError
 
@@ -28,6 +29,8 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _RACECAPTURE = re.compile(r'"?(?P<name>[^"|]+)"?\|"?(?P<unit>[^"|]*)"?(\|-?[\d.]+){3}')
 # lines of text between the names and the first row: RaceChrono has units and sources, and names may be repeated
 MAX_TEXT_LINES = 3
+_OF_UNITS = re.compile(r"\W{0,4}(\w{1,20}[ _])?units?(?![a-z])", re.IGNORECASE)
+_EAST_ASIA = ("shift_jis", "gb18030")
 
 
 class Layout(NamedTuple):
@@ -51,12 +54,22 @@ class _Header(NamedTuple):
 
 
 def encoding_of(lines: Sequence[bytes]) -> str:
-    """The encoding of a file whose first lines these are."""
+    """The encoding of a file whose first lines these are; one of East Asia where it has a known heading in it."""
     try:
         b"\n".join(lines).decode("utf-8")
     except UnicodeDecodeError:
-        return "cp1252"
+        return next((each for each in _EAST_ASIA if any(_names_in(line, each) for line in lines)), "cp1252")
     return "utf-8-sig" if lines[0].startswith(b"\xef\xbb\xbf") else "utf-8"
+
+
+def _names_in(line: bytes, encoding: str) -> bool:
+    """Whether a line has a heading with a role that is not in ASCII."""
+    try:
+        text = line.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    cells = [cell for mark in ",;\t" for cell in text.split(mark)]
+    return any(not (head := heading(cell)).name.isascii() and role_of(head) is not None for cell in cells)
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -117,7 +130,10 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
         )
     if len(header.names) > MAX_COLUMNS:
         raise LogError(f"{name}: has {len(header.names):,} columns; at most {MAX_COLUMNS:,} are read")
+    # LabVIEW writes the units some lines above the names
+    above = [split(line, delimiter) for line in lines[:k] if _OF_UNITS.match(line)][-1:]
     texts = [split(lines[j], delimiter) for j in header.lines]
+    texts += [cells[len(cells) > len(header.names) :] for cells in above]  # without a label of its own
     return _layout(
         _headings(header.names, texts), delimiter, lines[header.first :], header.first, k, encoding
     )
@@ -173,9 +189,9 @@ def _row_names(rows: list[list[str]], width: int) -> bool:
 
 
 def _is_row(cells: list[str], time: int) -> bool:
-    """Whether a line is a row: it holds a number, or a digit where the time is."""
+    """Whether a line is a row: it holds a number, or a time where the time is."""
     stamp = cells[time] if 0 <= time < len(cells) else ""
-    return any(map(_is_number, cells)) or any(map(str.isdigit, stamp))
+    return any(map(_is_number, cells)) or stamp[:1].isdigit() or is_date(stamp)
 
 
 def _headings(names: list[str], texts: list[list[str]]) -> tuple[str, ...]:
@@ -206,6 +222,8 @@ def _missing(lines: Sequence[str]) -> str:
     names = (
         [cell for d in DELIMITERS for cell in split(filled[0], d) if role_of(heading(cell))] if filled else []
     )
+    if filled and "\r" in filled[0]:
+        return "its lines end with a carriage return alone: save it with the ends of lines of Windows or Unix"
     if len(filled) == 1 and names:
         return "has a header, but no rows"
     if names and not any(d in filled[0] for d in DELIMITERS):

@@ -20,11 +20,23 @@ _DATE = r"""(?:[^\W\d_]{2,9}\.?,?\ )?(?:
     | (?P<first>\d{1,2})(?P<mark>[-/.\ ])(?P<second>\d{1,2}|[^\W\d_]{3,9}\.?)(?P=mark)(?P<short>\d{4}|\d\d)
     | (?P<name>[^\W\d_]{3,9})\.?\ (?P<named>\d{1,2}),?\ (?P<long>\d{4})
     )"""
-_ZONE = r"(?:\ ?(?P<zone>(?:UTC|GMT)?[+-]\d\d:?\d\d|UTC|GMT|Z))?"
+# CEST and other names say no offset: as without a zone
+_ZONE = r"(?:\ ?(?P<zone>(?:UTC|GMT)?[+-]\d\d:?\d\d|UTC|GMT|Z|[A-Z]{2,4}T))?"
 # as spreadsheets show times of less than an hour, and lap timers: minutes, seconds and a fraction
 _MINUTES = re.compile(r"(?P<m>\d{1,4}):(?P<s>[0-5]\d[.,]\d+)")
 _CLOCK = re.compile(_TIME, re.VERBOSE | re.IGNORECASE)
 _WRITTEN = re.compile(rf"{_DATE}(?:(?:T|,?\ ){_TIME}{_ZONE})?", re.VERBOSE | re.IGNORECASE)
+# written as the others are before it is read: ctime's "Wed Aug 05 18:57:03 GMT+02:00 2026", 2026年8月5日, 18:57:03:125
+_USUAL = (
+    (
+        re.compile(r"(?:\w{3},? )?(\w{3}) {1,2}(\d{1,2}) (\d\d:\d\d:[\d.,]{2,12})( [^\d ]\S{0,9})? (\d{4})"),
+        r"\1 \2 \5 \3\4",
+    ),
+    (re.compile(r"(\d{4})年(\d{1,2})月(\d{1,2})日"), r"\1-\2-\3"),
+    (re.compile(r"(:\d\d:\d\d):(\d{3})\b"), r"\1.\2"),
+)
+# a time since a start, as pandas and Python write it
+_SINCE = re.compile(r"\+?(\d{1,5}) days?,? (.+)")
 _DAY_NS = 86_400 * NS_PER_S
 _EPOCH = date(1970, 1, 1).toordinal()
 
@@ -45,8 +57,10 @@ def of_texts(texts: Sequence[str]) -> Dates:
         (60.0, 'dates as "08/05/2026 11:59 PM": month first, as otherwise the rows would be 31 days apart')
         >>> of_texts(["05-Aug-2026 18:57:03.125", "n/a"]).ns
         [1785956223125000000, None]
+        >>> [ns / 1e9 for ns in of_texts(["Wed Aug 05 18:57:03 GMT+02:00 2026", "2026年8月5日 18:57:03:125"]).ns]
+        [1785949023.0, 1785956223.125]
     """
-    cells = [_WRITTEN.fullmatch(text.strip()) for text in texts]
+    cells = [_WRITTEN.fullmatch(_usual(text)) for text in texts]
     day_first, month_first = ([_ns(cell, day_first=each) for cell in cells] for each in (True, False))
     example = next(
         (text.strip() for text, a, b in zip(texts, day_first, month_first, strict=True) if a != b), None
@@ -69,6 +83,14 @@ def of_texts(texts: Sequence[str]) -> Dates:
         month_first if american else day_first,
         f"{says} {name} taken to be first, which no row shows; times since the first row do not depend on it",
     )
+
+
+def _usual(text: str) -> str:
+    """A date or time of day in a usual form."""
+    text = text.strip()
+    for form, usual in _USUAL:
+        text = form.sub(usual, text)
+    return text
 
 
 def is_date(text: str) -> bool:
@@ -124,7 +146,13 @@ def clock_ns(text: str) -> int | None:
     Example:
         >>> clock_ns("00:00:01.5"), clock_ns("12:00 AM"), clock_ns("12:30"), clock_ns("12:30.5")
         (1500000000, 0, None, 750500000000)
+        >>> clock_ns("1 days 00:00:00.100000"), clock_ns("00:00:01:500")
+        (86400100000000, 1500000000)
     """
+    if since := _SINCE.fullmatch(text):
+        of_day = clock_ns(since[2])
+        return None if of_day is None else int(since[1]) * _DAY_NS + of_day
+    text = _usual(text)
     if minutes := _MINUTES.fullmatch(text):
         return round((int(minutes["m"]) * 60 + float(minutes["s"].replace(",", "."))) * 1e9)
     match = _CLOCK.fullmatch(text)
