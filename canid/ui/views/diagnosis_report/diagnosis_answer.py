@@ -27,7 +27,7 @@ from canid.values.types import Interval
 # effects that the drive would have shown which are named in the answer; the details have all
 VISIBLE = 2
 # and those which it would have hidden
-HIDDEN = 4
+HIDDEN = 6
 # lines of the summary, and drives that it advises
 MAX_LINES, ADVICE = 30, 2
 # min; longer drives than that nobody plans for one cause
@@ -143,9 +143,11 @@ def _hidden(report: Report) -> str:
     seen = {visible.effect for visible in report.visible if math.isfinite(visible.strength)}
     known = [entry for entry in report.not_testable if entry.evidence > 0 and not seen & set(entry.effects)]
     known.sort(key=lambda entry: -entry.evidence)
-    each = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))[:HIDDEN]
+    every = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))
+    each, more = every[:HIDDEN], len(every) - HIDDEN
     said = " or ".join(filter(None, (", ".join(each[:-1]), *each[-1:])))
-    return f" {capitalised(said)} of typical strength would not have." if said else ""
+    rest = f", nor would {more} other{'s' * (more > 1)}" if more > 0 else ""
+    return f" {capitalised(said)} of typical strength would not have shown{rest}." if said else ""
 
 
 def _visible(visible: Visible) -> str:
