@@ -132,15 +132,20 @@ def more_minutes(report: Report) -> str:
 
 
 def _adequate(report: Report) -> str:
-    seen = [visible for visible in report.visible if math.isfinite(visible.strength)][:VISIBLE]
+    seen = _seen(report)
     would = f" {capitalised(' or '.join(map(_visible, seen)))} would have." if seen else ""
     noise = "".join(f" {finding.says}" for finding in report.findings)
     return f"Nothing is wrong with the model that this drive could show.{would}{_hidden(report)}{noise}"
 
 
+def _seen(report: Report) -> list[Visible]:
+    """Those that bend K most of the causes that the drive would have shown."""
+    return [visible for visible in report.visible if math.isfinite(visible.strength)][:VISIBLE]
+
+
 def _hidden(report: Report) -> str:
     """Which causes of ordinary size this drive would have hidden, those that it nearly shows first; "": none is known."""
-    seen = {visible.effect for visible in report.visible if math.isfinite(visible.strength)}
+    seen = {visible.effect for visible in _seen(report)}
     known = [entry for entry in report.not_testable if entry.evidence > 0 and not seen & set(entry.effects)]
     known.sort(key=lambda entry: -entry.evidence)
     every = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))
