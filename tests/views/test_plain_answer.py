@@ -10,9 +10,9 @@ from collections.abc import Callable
 import pytest
 
 from canid.models.diagnosis.diagnose import diagnose
-from canid.ui.views.diagnosis_report.diagnosis_answer import MAX_LINES, answer, summary
+from canid.ui.views.diagnosis_report.diagnosis_answer import HIDDEN, MAX_LINES, answer, summary
 from canid.ui.views.document.document_text import WIDTH
-from canid.values.findings import NotTestable, Report, Verdict
+from canid.values.findings import NotTestable, Report, Verdict, Visible
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
 
@@ -64,4 +64,12 @@ def test_what_the_drive_would_have_hidden_is_said_where_nothing_is_found(
         NotTestable(("headway_dead_zone",), "", 9.0, 13.0),
     ]
     first = answer(report_of(Verdict.ADEQUATE)._replace(not_testable=tuple(undecided)))[0]
-    assert first.endswith("A headway dead zone or a speed gain of typical strength would not have.")
+    assert first.endswith("A headway dead zone or a speed gain of typical strength would not have shown.")
+    shown = (Visible("speed_gain", "exponent", 1.2, "1", 0.3),)
+    first = answer(report_of(Verdict.ADEQUATE)._replace(not_testable=tuple(undecided), visible=shown))[0]
+    assert first.endswith(
+        "A speed gain from 1.2 on would have. A headway dead zone of typical strength would not have shown."
+    )
+    many = tuple(NotTestable((f"cause_{k}",), "", 9.0 - k, 13.0) for k in range(HIDDEN + 2))
+    first = answer(report_of(Verdict.ADEQUATE)._replace(not_testable=many))[0]
+    assert first.endswith("or a cause 5 of typical strength would not have shown, nor would 2 others.")

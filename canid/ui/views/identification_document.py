@@ -30,7 +30,7 @@ from canid.ui.views.notebook.channel_rows import channel_table
 from canid.ui.views.notebook.fragment import ACCENT, SECOND, chart, charted, fragment
 from canid.values.text import estimate_text
 from canid.values.text.names import SYMBOLS, capitalised, label, readable
-from canid.values.text.numbers import DASH, gain_unit, interval, number, role_unit
+from canid.values.text.numbers import DASH, fit_text, gain_unit, interval, number, role_unit
 from canid.values.types import QUOTED, Channel, Status, Trace
 
 # points of a line: of one log, and of each of several
@@ -162,7 +162,7 @@ def _document(log: IdentifiedLog, anchor: str = "") -> doc.Document:
         log.source,
         "Identification",
         key=[
-            ("fit, simulated from the inputs alone", number(drive.fit_percent, "%")),
+            ("fit, simulated from the inputs alone", fit_text(drive.fit_percent)),
             ("drive", signal_text.time(drive.time)),
         ],
     )

@@ -15,7 +15,7 @@ from canid.ui.views.document.document_text import wrapped
 from canid.ui.views.document.screen import Part, cut
 from canid.values.text import estimate_text
 from canid.values.text.names import HEADLINE_MARK, readable
-from canid.values.text.numbers import gain_unit, interval, number
+from canid.values.text.numbers import fit_text, gain_unit, interval, number
 from canid.values.types import NAN, Identifiable, ResidualTests
 
 # lines of a terminal of 24 and one: a verdict on one screen
@@ -138,11 +138,7 @@ def title(name: str, result: WholeDrive | None, kind: str = "") -> str:
     """A method over the whole drive: its model, and the fit; `kind` of it, where that is to be said."""
     if result is None:
         return f"whole drive, {name.upper()}: no model (too few data, or no stable model)"
-    fit = (
-        ""
-        if result.fit_percent is None
-        else f", fit {number(result.fit_percent, '%')}{kind and f' ({kind})'}"
-    )
+    fit = "" if result.fit_percent is None else f", fit {fit_text(result.fit_percent)}{kind and f' ({kind})'}"
     return f"whole drive, {name.upper()}{result.specification}{fit}"
 
 

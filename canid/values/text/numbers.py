@@ -92,6 +92,16 @@ def number(x: float, unit: str = "", digits: int = PLAIN_DIGITS) -> str:
     return _with_unit(text, unit)
 
 
+def fit_text(percent: float) -> str:
+    """Fit of a simulation, 100 · (1 − rms error over rms about the mean); below 0 with what that means.
+
+    Example:
+        >>> fit_text(73.61), fit_text(-19.7)
+        ('73.6 %', '-19.7 %, worse than the mean alone')
+    """
+    return f"{number(percent, '%')}{', worse than the mean alone' if percent < 0.0 else ''}"
+
+
 def same_digits(low: float, high: float) -> int:
     """How many leading digits are the same in a range: those of a position are, over a drive.
 

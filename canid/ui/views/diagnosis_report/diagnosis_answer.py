@@ -27,7 +27,7 @@ from canid.values.types import Interval
 # effects that the drive would have shown which are named in the answer; the details have all
 VISIBLE = 2
 # and those which it would have hidden
-HIDDEN = 4
+HIDDEN = 6
 # lines of the summary, and drives that it advises
 MAX_LINES, ADVICE = 30, 2
 # min; longer drives than that nobody plans for one cause
@@ -132,20 +132,27 @@ def more_minutes(report: Report) -> str:
 
 
 def _adequate(report: Report) -> str:
-    seen = [visible for visible in report.visible if math.isfinite(visible.strength)][:VISIBLE]
+    seen = _seen(report)
     would = f" {capitalised(' or '.join(map(_visible, seen)))} would have." if seen else ""
     noise = "".join(f" {finding.says}" for finding in report.findings)
     return f"Nothing is wrong with the model that this drive could show.{would}{_hidden(report)}{noise}"
 
 
+def _seen(report: Report) -> list[Visible]:
+    """Those that bend K most of the causes that the drive would have shown."""
+    return [visible for visible in report.visible if math.isfinite(visible.strength)][:VISIBLE]
+
+
 def _hidden(report: Report) -> str:
     """Which causes of ordinary size this drive would have hidden, those that it nearly shows first; "": none is known."""
-    seen = {visible.effect for visible in report.visible if math.isfinite(visible.strength)}
+    seen = {visible.effect for visible in _seen(report)}
     known = [entry for entry in report.not_testable if entry.evidence > 0 and not seen & set(entry.effects)]
     known.sort(key=lambda entry: -entry.evidence)
-    each = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))[:HIDDEN]
+    every = list(dict.fromkeys(_article(either(entry.effects)) for entry in known))
+    each, more = every[:HIDDEN], len(every) - HIDDEN
     said = " or ".join(filter(None, (", ".join(each[:-1]), *each[-1:])))
-    return f" {capitalised(said)} of typical strength would not have." if said else ""
+    rest = f", nor would {more} other{'s' * (more > 1)}" if more > 0 else ""
+    return f" {capitalised(said)} of typical strength would not have shown{rest}." if said else ""
 
 
 def _visible(visible: Visible) -> str:

@@ -12,7 +12,7 @@ from canid.ui.views.document.document_text import lines
 from canid.values.findings import Check, Finding, Report, Trajectory, duration, extends, masked_for, used_time
 from canid.values.text.model_equation import equation
 from canid.values.text.names import capitalised, parameter, readable
-from canid.values.text.numbers import gain_unit, interval, number, percent, role_unit, time_range
+from canid.values.text.numbers import fit_text, gain_unit, interval, number, percent, role_unit, time_range
 
 # lines of one kind that a terminal shows; the page and the JSON have all
 WORST_SHOWN = 3
@@ -77,8 +77,8 @@ def fit(report: Report) -> list[str]:
     before, after = report.baseline.fit_percent, report.extended.fit_percent
     if before != before:
         return []
-    further = f", of the extended model {number(after, '%')}" if extends(report) else ""
-    return [f"fit of the simulation {number(before, '%')}{further}; {report.candidates_tried} causes tried"]
+    further = f", of the extended model {fit_text(after)}" if extends(report) else ""
+    return [f"fit of the simulation {fit_text(before)}{further}; {report.candidates_tried} causes tried"]
 
 
 def finding_block(finding: Finding, report: Report, name: Callable[[str], str] = str) -> Listing:

@@ -10,7 +10,7 @@ from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.ui.views.drawing.figure import Figure, Spec, rms
 from canid.ui.views.drawing.panels import Panel, shade, signal, stack, titled
 from canid.values.text.names import readable
-from canid.values.text.numbers import number, role_unit
+from canid.values.text.numbers import fit_text, number, role_unit
 from canid.values.types import Trace
 
 
@@ -60,7 +60,7 @@ def model_over_time(
         )
         caption = (
             f"The model of {series.estimator.upper()} is simulated from the inputs alone, never from past values of the "
-            f"output: fit {number(fit_percent, '%')}, residual {number(rms(left), unit)} rms over the "
+            f"output: fit {fit_text(fit_percent)}, residual {number(rms(left), unit)} rms over the "
             f"{number(float(series.used.sum()) * _step(series.t), 's')} that are used."
         )
     shapes = unused(trace)
