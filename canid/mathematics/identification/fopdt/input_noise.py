@@ -109,7 +109,9 @@ def _bias(known: Moments, layout: Layout, at: Fitted) -> tuple[tuple[Deviations,
     box = layout.basis.box
     slow, fast = (slopes(at.K, w) for w in bands(layout.basis, at.tau, at.dead_time, layout.step))
     noise = sum(K * J[0] for K, J in zip(at.K.tolist(), fast, strict=True))
-    score = np.concatenate(fast) @ known.xx @ noise / at.variance
+    # what passes the lag stays in the residual: fast motion beyond that is none of noise
+    share = min(at.variance * known.freedom / max(float(noise @ known.xx @ noise), 1e-300), 1.0)
+    score = share * (np.concatenate(fast) @ known.xx @ noise) / at.variance
     moves = -information_bounds.covariance(known, slow, at.variance, box) @ score
     named = [Deviations(K, tau, late, tau + late) for K, tau, late in moves.reshape(-1, 3).tolist()]
     return information_bounds.bounds(known, slow, at.variance, box), named
