@@ -22,6 +22,8 @@ from canid.values.types import Array, Channel, Identifiable, Interval
 
 # standard deviations; such a bias takes an interval of 95 % to 92 %
 MAX_BIAS_SD = 0.5
+# standard deviations; of a bias below, first order says enough
+SMALL_BIAS_SD = 0.1
 
 
 class Fitted(NamedTuple):
@@ -92,12 +94,13 @@ def believed(
         return tuple(channels)
     by_slow, moves = _bias(known, layout, at)
     box, back = layout.basis.box, np.array(moves).T
-    # a longer lag leaves less noise to be moved by: once more from where the point would be without it
-    before = at._replace(
-        tau=np.clip(at.tau - back[1], box.tau_min, box.tau_max),
-        dead_time=np.clip(at.dead_time - back[2], 0.0, box.dead_time_max),
-    )
-    _, moves = _bias(known, layout, before)
+    if (np.abs(back) > SMALL_BIAS_SD * np.array(by_slow).T).any():
+        # a longer lag leaves less noise to be moved by: once more from where the point would be without it
+        before = at._replace(
+            tau=np.clip(at.tau - back[1], box.tau_min, box.tau_max),
+            dead_time=np.clip(at.dead_time - back[2], 0.0, box.dead_time_max),
+        )
+        _, moves = _bias(known, layout, before)
     return tuple(
         _held(information_bounds.robust(channel, s, e, layout.basis.box, at.inflation), s, move)
         for channel, s, e, move in zip(channels, by_slow, every, moves, strict=True)
