@@ -276,6 +276,12 @@ BENCHMARKS = (
         "limits, rates, steps, lags, zeros and clocks in tables: coverage, what is withheld, named, and missed silently",
     ),
     Benchmark(
+        "live_intervals",
+        "benchmarks.measurement_effects.live",
+        "20 min",
+        "live K, tau, dead time and their sum under noise of the radar and sensor effects: coverage, by method and cause",
+    ),
+    Benchmark(
         "sensor_causes",
         "benchmarks.measurement_effects.causes",
         "20 min",

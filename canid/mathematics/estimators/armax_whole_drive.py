@@ -184,7 +184,8 @@ def _separate_poles(trace: Trace, usable: npt.NDArray[np.bool_]) -> _Separate | 
     if fit.stride == 1:
         noise_order = fit.orders.nc + fit.orders.nd
         tests = residual_tests.run_tests(fit.residual, trace.inputs, trace.input_names, noise_order)
-        fit = fit._replace(covariance=residual_tests.variance_inflation(tests) * fit.covariance)
+        inflation = residual_tests.variance_inflation(tests)
+        fit = fit._replace(covariance=inflation * fit.covariance, sandwich=inflation * fit.sandwich)
     channels = feedback_bias.without_all(
         box_jenkins_channels.channels(trace.input_names, fit, rows, trace.dt)
     )

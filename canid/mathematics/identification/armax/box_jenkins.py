@@ -34,6 +34,7 @@ from canid.mathematics.identification.armax.walled_descent import (
     descend,
 )
 from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE
+from canid.mathematics.identification.fopdt import vehicle_band
 from canid.mathematics.identification.output_filter import Kernel, equalizer, filtered
 from canid.values.types import NAN, Array, OutputFilter
 
@@ -76,7 +77,9 @@ class BoxJenkinsFit(NamedTuple):
     cost: float  # sum of squared innovations, weighted, over the stride
     law: innovation_law.Law  # of the innovations
     root: Array | None  # (N,) of the weight of each squared innovation, by phase; None: one
-    fit_percent: float = NAN  # of the simulated answers, see simulated_fit.py
+    fit_percent: float  # of the simulated answers, see simulated_fit.py
+    # (n, n) with the curvature by the inputs as vehicles move them (White 1982): their noise adds to the score alone
+    sandwich: Array
 
     @property
     def B(self) -> Array:  # noqa: N802
@@ -303,14 +306,15 @@ def _finished(
         # at a lag of zero a pole does what a coefficient of B does
         free[i * (o.nb + o.nf) + o.nb : (i + 1) * (o.nb + o.nf)] = False
     count, n = int(inside.sum()), int(free.sum())
-    psi, e = gradient(best, data)[free], best.e
+    psi, slow, e = gradient(best, data)[free], _slow_gradient(best, data, dt)[free], best.e
     freedom = max(count - n * data.stride, 1)
     sigma2 = float(e @ e) / freedom
     law = law._replace(sd=(best.cost / freedom) ** 0.5)
     if data.root is not None:
-        psi, e = data.root * psi, data.root * e
+        psi, slow, e = data.root * psi, data.root * slow, data.root * e
     try:
-        inverse = np.linalg.inv(psi @ psi.T)
+        information = psi @ psi.T
+        inverse, bread = np.linalg.inv(information), np.linalg.inv(slow @ slow.T)
     except np.linalg.LinAlgError:
         return None
     inflation = residual_tests.long_run_inflation(
@@ -319,10 +323,9 @@ def _finished(
         max(round(residual_tests.HAC_LAG_S / dt / data.stride), 1),
     )
     # the phases of a stride know together about as much as one of them
-    covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = (
-        0.5 * (inverse + inverse.T) * (law.sd**2 * law.inflation * inflation * data.stride)
-    )
+    covariance, sandwich = np.zeros((2, len(free), len(free)))
+    for out, by in ((covariance, inverse), (sandwich, bread @ information @ bread)):
+        out[np.ix_(free, free)] = 0.5 * (by + by.T) * (law.sd**2 * law.inflation * inflation * data.stride)
     if not np.isfinite(covariance).all() or not (np.diag(covariance)[free] > 0.0).all():
         return None
     residual = np.empty(len(best.e))
@@ -341,7 +344,14 @@ def _finished(
         law,
         data.root,
         fit_percent(data.y, best.v, inside),
+        sandwich,
     )
+
+
+def _slow_gradient(at: Point, data: Rows, dt: float) -> Array:
+    """The gradient (n, N) by the inputs as vehicles move them (fopdt/vehicle_band.py)."""
+    moved = at_point(at.theta, data._replace(u=vehicle_band.slow(data.u, dt)))
+    return gradient(at._replace(filtered=moved.filtered, answers=moved.answers), data)
 
 
 def _equalized(x: Array, by: Kernel) -> Array:

@@ -20,7 +20,8 @@ from canid.mathematics.identification.armax.box_jenkins import BoxJenkinsFit, re
 from canid.mathematics.identification.armax.prediction_errors import Rows
 from canid.mathematics.identification.armax.walled_descent import MAX_LAG_S, at_pole_wall
 from canid.mathematics.identification.confidence import MISS, NORMAL_QUANTILE
-from canid.values.types import NAN, Array, Channel, Interval
+from canid.mathematics.identification.fopdt.channel_mixture import ORDER
+from canid.values.types import NAN, Array, Channel, Identifiable, Interval
 
 # s; lags over which an unknown pole is averaged
 LAGS_S = (0.1, 0.3, 0.6, 1.0, 1.5, 2.2, MAX_LAG_S)
@@ -63,9 +64,14 @@ def _fitted(fit: BoxJenkinsFit, i: int, dt: float) -> tuple[Channel, float]:
     o = fit.orders
     width = o.nb + o.nf
     indices = np.r_[i * width + o.nb : (i + 1) * width, i * width : i * width + o.nb]
-    channel = gain_and_delay.channel(
-        fit.F[i], fit.B[i], fit.delays[i], fit.covariance[np.ix_(indices, indices)], dt
+    plain, robust = (
+        gain_and_delay.channel(fit.F[i], fit.B[i], fit.delays[i], by[np.ix_(indices, indices)], dt)
+        for by in (fit.covariance, fit.sandwich)
     )
+    # of a gain and of tau + dead time the noise of the inputs says next to nothing (fopdt/information_bounds.py)
+    least = max(min(plain.status, robust.status, key=ORDER.index), Identifiable.GAIN_ONLY, key=ORDER.index)
+    least = min(least, plain.status, key=ORDER.index)
+    channel = plain._replace(tau=robust.tau, dead_time=robust.dead_time, status=least)
     return channel, float(fit.covariance[indices[0], indices[0]])
 
 

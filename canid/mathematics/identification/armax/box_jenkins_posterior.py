@@ -12,13 +12,14 @@ from canid.mathematics.identification.fopdt import (
     fopdt_posterior,
     grid_search,
     information_bounds,
+    input_noise,
     posterior_cells,
     posterior_channels,
     posterior_region,
     reduced_basis,
 )
 from canid.mathematics.identification.fopdt import regression_rows as rows
-from canid.mathematics.identification.fopdt.row_noise import by_channel, student_factor
+from canid.mathematics.identification.fopdt.row_noise import student_factor
 from canid.mathematics.identification.residual_tests import HAC_LAG_S
 from canid.values.types import Channel
 
@@ -127,14 +128,10 @@ def _channels_of(layout: rows.Layout, state: State, k: int, inflation: float) ->
     weights = [fopdt_posterior.marginal(grid, i) for i in range(layout.inputs)]
     tau = np.array([float(w @ c.tau) for w, c in zip(weights, grid.cells, strict=True)])
     dead_time = np.array([float(w @ c.dead_time) for w, c in zip(weights, grid.cells, strict=True)])
-    by_K, by_tau, by_dead_time = (
-        by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, tau, dead_time)
-    )
-    J = []
-    for i in range(layout.inputs):
-        K = float(np.vdot(grid.weight, grid.K[i]))
-        J.append(np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]))
-    variance = inflation * grid.residual / max(known.freedom, 1)
-    limits = information_bounds.bounds(known, J, variance, layout.basis.box)
-    used = float(state.weights[0, k]) * layout.step
-    return posterior_channels.channels(grid, layout.basis.box, limits, used)
+    K = np.array([float(np.vdot(grid.weight, each)) for each in grid.K])
+    box, variance = layout.basis.box, inflation * grid.residual / max(known.freedom, 1)
+    J = input_noise.slopes(K, reduced_basis.with_slopes(layout.basis, tau, dead_time))
+    limits = information_bounds.bounds(known, J, variance, box)
+    made = posterior_channels.channels(grid, box, limits, float(state.weights[0, k]) * layout.step)
+    at = input_noise.Fitted(K, tau, dead_time, variance, 1.0)
+    return input_noise.believed(made, limits, known, layout, at)

@@ -19,6 +19,7 @@ from canid.mathematics.identification import band, innovation_law
 from canid.mathematics.identification.fopdt import (
     fopdt_posterior,
     information_bounds,
+    input_noise,
     posterior_cells,
     posterior_channels,
     posterior_region,
@@ -235,6 +236,15 @@ def _finished(task: Task, made: _Pass, noise: Noise, known: Start) -> ProcessFit
                 information_bounds.robust(channel, by_slow, by_every, layout.basis.box, inflation)
                 for channel, by_slow, by_every in zip(channels, slow, every, strict=True)
             )
+        elif prior is None:
+            at = input_noise.Fitted(
+                point.K,
+                point.tau,
+                point.dead_time,
+                _variance(noise, grid, made.moments),
+                noise.variance_inflation / noise.weighed.law.inflation,
+            )
+            channels = input_noise.believed(channels, every, made.moments, layout, at)
     sigma = noise.sd
     if math.isnan(sigma):
         sigma = (grid.residual * noise.stride / noise.weighed.counted) ** 0.5
@@ -326,15 +336,17 @@ def _limits(
     answers: Array | None = None,
 ) -> tuple[information_bounds.Deviations, ...]:
     """What the data allow at the point that was found; `answers` (m b, n): what those would."""
-    by_K, by_tau, by_dead_time = (
-        by_channel(layout, w) for w in reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time)
-    )
-    J = [np.array([by_K[i], K * by_tau[i], K * by_dead_time[i]]) for i, K in enumerate(at.K)]
-    variance = noise.weighed.law.inflation * grid.residual / max(moments.freedom, 1)
+    J = input_noise.slopes(at.K, reduced_basis.with_slopes(layout.basis, at.tau, at.dead_time))
+    variance = _variance(noise, grid, moments)
     if answers is not None:
         moments = _moments(layout, row_noise.with_answers(noise, np.concatenate(J) @ answers))
         J = np.split(np.eye(3 * len(J)), len(J))
     return information_bounds.bounds(moments, J, variance, layout.basis.box)
+
+
+def _variance(noise: Noise, grid: fopdt_posterior.Grid, moments: fopdt_posterior.Moments) -> float:
+    """Of the whitened residual."""
+    return noise.weighed.law.inflation * grid.residual / max(moments.freedom, 1)
 
 
 def _posterior_point(

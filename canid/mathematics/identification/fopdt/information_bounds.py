@@ -40,6 +40,17 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
         variance: of the whitened residual.
         box: where tau and dead time may lie.
     """
+    all_of_them = covariance(known, J, variance, box)
+    out = []
+    for i in range(len(J)):
+        P = all_of_them[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
+        total = P[1, 1] + P[2, 2] + 2.0 * P[1, 2]
+        out.append(Deviations(*(math.sqrt(max(float(x), 0.0)) for x in (P[0, 0], P[1, 1], P[2, 2], total))))
+    return tuple(out)
+
+
+def covariance(known: Moments, J: Sequence[Array], variance: float, box: Box) -> Array:
+    """Covariance (3 m, 3 m) of all parameters by Cramér and Rao; arguments as of `bounds`."""
     every = np.concatenate(J)
     information = every @ known.xx @ every.T / variance + np.diag(np.tile([0.0, *precision(box)], len(J)))
     # a parameter that moves nothing has no information, and is known to no size at all
@@ -48,13 +59,8 @@ def bounds(known: Moments, J: Sequence[Array], variance: float, box: Box) -> tup
     # the pseudoinverse, as numpy's pinv takes it, in a fifth of the time
     value, vector = np.linalg.eigh(scaled)
     kept = np.abs(value) > 1e-15 * float(np.abs(value).max())
-    covariance = (vector[:, kept] / value[kept]) @ vector[:, kept].T / np.outer(size, size)
-    out = []
-    for i in range(len(J)):
-        P = covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
-        total = P[1, 1] + P[2, 2] + 2.0 * P[1, 2]
-        out.append(Deviations(*(math.sqrt(max(float(x), 0.0)) for x in (P[0, 0], P[1, 1], P[2, 2], total))))
-    return tuple(out)
+    out: Array = (vector[:, kept] / value[kept]) @ vector[:, kept].T / np.outer(size, size)
+    return out
 
 
 def robust(

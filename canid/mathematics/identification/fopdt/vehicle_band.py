@@ -32,7 +32,7 @@ def slow(answers: Array, step: float) -> Array:
     >>> bool(np.abs(slow((drive + noise)[None], 0.1)[0] - drive)[5:-5].max() < 0.02)
     True
     """
-    by = _parabola(step)
+    by = parabola(step)
     out = np.empty_like(answers)
     for row, x in zip(out, answers, strict=True):
         smoothed, complete = filtered(by, x)
@@ -41,7 +41,8 @@ def slow(answers: Array, step: float) -> Array:
 
 
 @cache
-def _parabola(step: float) -> Kernel:
+def parabola(step: float) -> Kernel:
+    """The local parabola: the motion of vehicles passes."""
     half = max(round(HALF_S / step), 1)
     weights = 3.0 * half * (half + 1.0) - 1.0 - 5.0 * np.arange(-half, half + 1) ** 2
     return Kernel(weights / weights.sum(), half, half)

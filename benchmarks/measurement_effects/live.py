@@ -1,0 +1,161 @@
+"""Live estimates under noise of the radar and what sensors do: coverage of every quotable number, a window at a time.
+
+    python -m benchmarks live_intervals [--drives 6] [--minutes 8] [--effect WORD] [--whole] [--first-seed 400000]
+
+Drives of two simulators that are not canid's (tests/plants/outside_drives.py). One value per 60 s: FOPDT's windows do not
+overlap, ARMAX's memory is longer. `--whole`: of the whole drive as well. z is in the interval's own standard deviations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from typing import NamedTuple
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from canid.analysis.drive import drive_parameters
+from canid.mathematics.estimators.agreement import disjoint_parameters
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.identifiability import PARAMETERS
+from canid.values.errors import CanidError
+from canid.values.types import QUOTED, Channel, Status
+from tests.plants.outside_drives import SIMULATORS, Truth, drawn_drive
+from tests.plants.quoted_intervals import Quoted, trace
+from tests.plants.sensor_effects import EFFECTS, Drawn, applied
+
+WINDOW_S = 60.0
+# factors of the sensors' noise, and effects at the usual noise
+NOISES = (0.3, 1.0, 3.0)
+STRENGTHS = (
+    ("range rate limited", (0.1, 0.25)),
+    ("output ends above", (0.25,)),
+    ("output ends below", (0.25,)),
+    ("output held", (0.2, 0.3)),
+    ("radar joined by lines", (0.2,)),
+    ("0 without a target", (0.2,)),
+)
+
+
+class Case(NamedTuple):
+    """Noise, and an effect or none."""
+
+    noise: float
+    effect: Drawn | None = None
+
+    def __str__(self) -> str:
+        return f"noise x{self.noise:g}" if self.effect is None else str(self.effect)
+
+
+class Number(NamedTuple):
+    """One quotable number."""
+
+    simulator: str
+    seed: int
+    case: str
+    method: str  # fopdt, armax, headline, or one of a whole drive
+    t: float  # s
+    quoted: Quoted
+
+    @property
+    def z(self) -> float:
+        """Error in the half width's own standard deviations, on the side where the truth is."""
+        value, low, high = self.quoted.interval
+        side = high - value if self.quoted.truth > value else value - low
+        return NORMAL_QUANTILE * (value - self.quoted.truth) / max(side, 1e-12)
+
+
+def cases(word: str = "") -> list[Case]:
+    """Noises first."""
+    by_name = {effect.name: effect for effect in EFFECTS}
+    effects = [Case(1.0, Drawn(by_name[name], x)) for name, strengths in STRENGTHS for x in strengths]
+    return [each for each in (*map(Case, NOISES), *effects) if word in str(each)]
+
+
+def _of(channels: dict[str, Channel], truth: Truth) -> Iterator[Quoted]:
+    for name, channel in channels.items():
+        for parameter in QUOTED[channel.status]:
+            yield Quoted(name, parameter, getattr(channel, parameter), truth.of(name, parameter))
+
+
+def numbers(job: tuple[str, int], seconds: float, word: str = "", whole: bool = False) -> list[Number]:
+    """Every quotable number of a drive in each case; of whole drives, disjoint pairs are printed."""
+    simulator, seed = job
+    out = []
+    for case in cases(word):
+        drive = drawn_drive(simulator, seed, seconds=seconds, noise=case.noise)
+        if case.effect is not None:
+            drive = applied(drive, (case.effect,), np.random.default_rng([seed, 1]))
+        put = partial(Number, simulator, seed, str(case))
+        try:
+            seen = trace(drive)
+        except CanidError:
+            continue
+        for each in drive_parameters.windows(seen):
+            if each.status is not Status.OK or each.t % WINDOW_S > 1e-3 or each.t < 1.0:
+                continue
+            for one in _of(dict(each.channels), drive.truth):
+                out += [put(each.estimator, each.t, one)]
+                out += [put("headline", each.t, one)] if each.headline else []
+        if whole:
+            both = {name: r for name, r in drive_parameters.whole_drive(seen).whole.items() if r is not None}
+            for name, result in both.items():
+                out += [
+                    put(f"{name}, whole", seconds, one) for one in _of(dict(result.channels), drive.truth)
+                ]
+            if len(both) > 1:
+                first, second = (result.channels for result in both.values())
+                for channel, parameter in disjoint_parameters(first, second, PARAMETERS):
+                    print(f"disjoint: {simulator} {seed} {case}: {channel} {parameter}", flush=True)
+    return out
+
+
+def table(every: Iterable[Number], by: str) -> Iterator[str]:
+    """A row for each method, channel and parameter, and each `by`."""
+    groups: dict[tuple[str, ...], list[Number]] = defaultdict(list)
+    for each in every:
+        more = (str(getattr(each, by)),) if by else ()
+        groups[(each.method, each.quoted.channel, each.quoted.parameter, *more)].append(each)
+    yield f"| method, parameter{', ' * bool(by)}{by} | quoted | cover | mean z | sd z | median half width |"
+    yield "|---|---|---|---|---|---|"
+    for key, of in sorted(groups.items()):
+        z = np.array([each.z for each in of])
+        half = np.median([0.5 * (each.quoted.interval.high - each.quoted.interval.low) for each in of])
+        cover = np.mean([each.quoted.covers for each in of])
+        yield f"| {' '.join(key)} | {len(of)} | {cover:.2f} | {z.mean():+.2f} | {z.std():.2f} | {half:.3f} |"
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks live_intervals",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--drives", type=int, default=6, help="of each simulator [6]")
+    parser.add_argument("--minutes", type=float, default=8.0, help="of each drive [8]")
+    parser.add_argument("--effect", default="", help="only cases whose name holds this")
+    parser.add_argument("--whole", action="store_true", help="the whole drive as well")
+    parser.add_argument("--first-seed", type=int, default=400_000)
+    parser.add_argument("--processes", type=int, default=2)
+    args = parser.parse_args()
+    jobs = [(name, args.first_seed + k) for k in range(args.drives) for name in SIMULATORS]
+    work = partial(numbers, seconds=60.0 * args.minutes, word=args.effect, whole=args.whole)
+    every: list[Number] = []
+    with ProcessPoolExecutor(args.processes) as pool:
+        for job, found in zip(jobs, pool.map(work, jobs), strict=True):
+            every += found
+            missed = sum(not each.quoted.covers for each in found)
+            print(f"{job[0]} {job[1]}: {missed} of {len(found)} do not cover", flush=True)
+    for by in ("", "case", "simulator"):
+        print("\n" + "\n".join(table(every, by)))
+
+
+if __name__ == "__main__":
+    main()
