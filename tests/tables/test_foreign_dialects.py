@@ -130,7 +130,7 @@ def test_of_equal_headings_each_can_be_named(tmp_path: Path) -> None:
     )
     path = tmp_path / "drive.csv"
     path.write_text("time,speed,speed,pedal,gap,range_rate\n" + rows, encoding="utf-8")
-    with pytest.raises(ConfigError, match='speed = "speed #2"'):
+    with pytest.raises(ConfigError, match='speed = "speed #1"'):
         open_table(path)
     with pytest.raises(ConfigError, match="several columns are called speed"):
         open_table(path, _map(tmp_path, "speed"))
@@ -144,6 +144,27 @@ def _map(folder: Path, speed: str) -> ColumnMap:
     same = "".join(f'{role} = "{role}"\n' for role in ("time", "pedal", "gap", "range_rate"))
     path.write_text(f'name = "mine"\n[columns]\n{same}speed = "{speed}"\n', encoding="utf-8")
     return read_map(path)
+
+
+def test_a_table_of_one_value_a_row_is_named(tmp_path: Path) -> None:
+    """Car Scanner's and those of data bases of time series."""
+    path = tmp_path / "drive.csv"
+    path.write_text('"SECONDS";"PID";"VALUE";"UNITS"\n' + '"1.0";"Vehicle speed";"20";"km/h"\n' * 9, "utf-8")
+    with pytest.raises(ConfigError, match="make a column of each signal"):
+        open_table(path)
+
+
+@pytest.mark.parametrize(("rest", "used"), [(0.0, True), (0.2, False)])
+def test_a_brake_pressure_that_never_is_0_is_no_switch(rest: float, used: bool, tmp_path: Path) -> None:
+    """It would be pressed all the time, and the pedal's use with it a fault of the pedal."""
+    path = tmp_path / "drive.csv"
+    lines = _text(USUAL).splitlines()
+    pressure = np.where(np.sin(T / 5.0) < -0.9, 3.0 + np.sin(T), rest)
+    rows = [f"{line},{x:.3f}" for line, x in zip(lines[1:], pressure, strict=True)]
+    path.write_text("\n".join([f"{lines[0]},brake [bar]", *rows]), encoding="utf-8")
+    table = open_table(path)
+    assert ("brake" in table.vehicle.roles) == used
+    assert any(note.startswith(f"{path}: brake [bar]: not used: 0.2 to ") for note in table.notes) != used
 
 
 def test_two_times_of_one_name_are_not_chosen_from(tmp_path: Path) -> None:

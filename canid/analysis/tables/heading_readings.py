@@ -17,13 +17,15 @@ from canid.values.types import Array
 
 # the name that stands for adaptive cruise control, an acceleration and an accelerator pedal
 ACC = "acc"
-CRUISE = "cruise_active"
+CRUISE, BRAKE = "cruise_active", "brake"
 # roles that are written by one name; the first that the unit fits is meant
 _SIBLINGS = {"gap": (HEADWAY,), HEADWAY: ("gap",), "accel": ("pedal",), ACC: ("accel", "pedal")}
 # dimensions of what is measured: a column with such a unit is no switch
 _MEASURED = ("speed", "length", "acceleration")
 # states of a switch; a column with more different numbers is measured
 _MAX_STATES = 8
+# share of a drive in which the brake is pressed at most
+_MAX_BRAKED = 0.5
 # of the values of a switch; a program that resamples writes others where it changes
 _WHOLE_SHARE = 0.95
 # m/s²; no car brakes or accelerates harder
@@ -66,7 +68,7 @@ def readings(parsed: Sequence[Heading], source: Source | None, says: Remedies) -
     for place, role in named.items():
         head = parsed[place]
         meant, why = _by_unit(role, head)
-        if not why and head.unit is None:
+        if not why and (head.unit is None or role == BRAKE):
             meant, why = _by_values(role, head, place, named, parsed, source)
         if not why:
             continue
@@ -76,7 +78,7 @@ def readings(parsed: Sequence[Heading], source: Source | None, says: Remedies) -
             roles[place] = meant
         else:
             del roles[place]
-        other = role if meant != role else next(iter(_SIBLINGS.get(role, ())), "")
+        other = role if meant != role and role != BRAKE else next(iter(_SIBLINGS.get(role, ())), "")
         taken = f"taken as {meant}" if meant else "not used"
         remedy = f"; where it is {other}: {says.column(other, brief(head.text.strip()))}" if other else ""
         notes.append(f"{brief(head.text.strip())}: {taken}: {why}{remedy}")
@@ -114,6 +116,8 @@ def _by_values(
     """As `_by_unit`, for a column that states no unit."""
     if role == CRUISE:
         return _switch(head.name, place, source)
+    if role == BRAKE:
+        return _pressure(place, source)
     speeds = [k for k, other in named.items() if other == "speed"]
     if head.name in ("gap", HEADWAY) and len(speeds) == 1:
         return _distance(role, head.name, place, speeds[0], parsed[speeds[0]].unit, source)
@@ -132,6 +136,21 @@ def _switch(name: str, place: int, source: Source) -> tuple[str, str]:
     if name == ACC and low < 0.0:
         return ("accel" if max(-low, high) <= _MAX_ACCEL else ""), why
     return ("pedal" if name == ACC and high <= _MAX_PEDAL else ""), why
+
+
+def _pressure(place: int, source: Source) -> tuple[str, str]:
+    """A brake whose pressure or travel was measured is a switch if it is 0 where it is released."""
+    x = _numbers(source.sample()[place])
+    if (
+        not x.size
+        or _has_states(x)
+        or (share := float(np.mean((x := _column(source, place)) != 0.0))) <= _MAX_BRAKED
+    ):
+        return BRAKE, ""
+    return (
+        "",
+        f"{x.min():.3g} to {x.max():.3g}, and not 0 in {share:.0%} of the rows: not the state of a switch",
+    )
 
 
 def _has_states(x: Array) -> bool:

@@ -154,7 +154,7 @@ def _by_heading(
             same = [named_apart(place, parsed) for place in chosen]
             raise ConfigError(
                 f"{name}: {role} could be {several(same)}; name the one that is meant: "
-                f"{says.column(role, brief(same[-1]))}"
+                f"{says.column(role, brief(same[0]))}"
             )
         place = chosen[0]
         entry = ColumnEntry.model_validate(parsed[place].text)

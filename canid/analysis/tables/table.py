@@ -20,7 +20,7 @@ from canid.analysis.tables import (
     vehicle_ids,
 )
 from canid.analysis.tables.column_map import ColumnMap
-from canid.analysis.tables.headings import TIME
+from canid.analysis.tables.headings import TIME, heading
 from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
 from canid.analysis.tables.resolution import Found, Resolved, described, resolve
 from canid.analysis.tables.source import EMPTY, Source
@@ -34,6 +34,17 @@ from canid.values.errors import ConfigError, DamagedLogError
 from canid.values.roles import NEEDS
 from canid.values.types import Trace
 
+# columns that name what a row is of, in tables of one value a row
+_NAMES_OF_SIGNALS = {
+    "pid",
+    "signal",
+    "name",
+    "signal_name",
+    "parameter",
+    "channel",
+    "measurement",
+    "variable",
+}
 Progress = Callable[[float], None]
 
 
@@ -226,6 +237,9 @@ def _lacking(source: Source, resolved: Resolved, lacking: list[str], says: Remed
     empty = [role for role in lacking if role in resolved.found]
     known = described(resolved.found, source.headings) or "none"
     what = f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} missing"
+    names = {heading(text).name for text in source.headings}
+    if "value" in names and names & _NAMES_OF_SIGNALS:
+        what += " (its rows hold one value each, of a signal that another cell names: make a column of each signal)"
     if empty:
         return f"{source.name}: no row has a value of {', '.join(empty)}; found: {known}"
     return (
