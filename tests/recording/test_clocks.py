@@ -6,12 +6,15 @@ import random
 import threading
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from canid.io.logs import open_log
 from canid.io.logs.recovery import recover
+from canid.io.recording.clock_events import ClockEvents
 from canid.io.recording.log_writer_thread import LogWriterThread
 from canid.io.recording.rotation import Rotation
 from canid.io.recording.running_time import MAX_BACK_NS, RunningTime
@@ -186,3 +189,20 @@ def test_no_writer_takes_a_time_before_its_zero(suffix: str, tmp_path: Path) -> 
         writer.note(Event(early, "mark", "too early"))
     writer.close()
     assert [data for _, data in by_python_can(tmp_path / f"x{suffix}").frames] == [b"a"]
+
+
+def test_what_is_added_to_stamps_is_a_time_that_people_read() -> None:
+    """A number of 19 digits says nothing; the time since which they count does, to the millisecond."""
+    heard: list[tuple[str, str]] = []
+    watch = SimpleNamespace(update_many=lambda *_: ())
+    bus = SimpleNamespace(name="virtual a", offset_ns=1_767_682_800_250_000_001)
+    frames = SimpleNamespace(ns=np.zeros(1, dtype=np.int64))
+    each: Any = SimpleNamespace(bus=bus, watch=watch)
+    arrival: Any = SimpleNamespace(bus=0, frames=frames, at=0.0)
+    ClockEvents([each], lambda what, says: heard.append((what, says))).received(arrival)
+    assert heard == [
+        (
+            "stamp_offset",
+            "virtual a: its stamps do not count from 1970: 2026-01-06T07:00:00.250 UTC is added to each",
+        )
+    ]
