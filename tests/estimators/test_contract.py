@@ -235,7 +235,7 @@ def test_nothing_that_a_stream_may_hold_makes_it_raise(estimator, driven, estima
 @pytest.mark.slow("estimates over whole drives")
 def test_lane_keeping_has_one_input(method, driven, estimates):
     """With lateral offset alone the same estimators run and find the planted gain."""
-    lateral = [0.3 * s.inputs[1] for s in driven(7, 90.0)]
+    lateral = [0.3 * s.inputs[1] for s in driven(7, 120.0)]
     wheel, x, samples = 0.0, 0.0, []
     rng = random.Random(1)
     for k, offset in enumerate(lateral):

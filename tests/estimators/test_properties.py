@@ -29,7 +29,7 @@ noises = st.one_of(
 # (start, length, what) in samples; a gap of 12 s shuts the gate, a short one only costs samples
 gaps = st.lists(
     st.tuples(
-        st.integers(50, 850), st.integers(1, 120), st.sampled_from(["lost", "input", "output", "gate"])
+        st.integers(50, 1400), st.integers(1, 120), st.sampled_from(["lost", "input", "output", "gate"])
     ),
     max_size=4,
 )
@@ -52,8 +52,8 @@ def noise(kind, n, rng):
 
 
 def stream(K, tau, dead_time, kind, decibel, gaps, seed):
-    """90 s of one input below 0.3 Hz and its answer, made at 50 Hz, seen at 10 Hz."""
-    rng, n = np.random.default_rng(seed), round(90.0 / FINE)
+    """150 s of one input below 0.3 Hz and its answer, made at 50 Hz, seen at 10 Hz."""
+    rng, n = np.random.default_rng(seed), round(150.0 / FINE)
     u, x = np.zeros(n), np.zeros(n)
     a, b = 0.0, 0.0
     for k, w in enumerate(rng.normal(size=n)):

@@ -28,7 +28,7 @@ MIN_MOVEMENT_TO_LEARN = 0.05
 # s; an estimate after a longer break is said to be from before it, until `status.MIN_DATA_S` seconds have confirmed it.
 LONG_BREAK_S = 60.0
 
-# s of data; with fewer an ARX model's interval is too narrow: with 60 s K held on 131 of 146, with 120 s on 157 of 166
+# s of data; with fewer an ARX model's interval is too narrow: with 60 s K held on 130 of 146, with 120 s on 156 of 166
 MIN_ARX_S = 90.0
 # share of what a memory can hold at which it counts as filled
 FILLED = 0.9
