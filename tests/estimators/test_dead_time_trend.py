@@ -86,7 +86,7 @@ def test_no_method_quotes_delays_that_drift() -> None:
         assert result is not None
         assert result.channels["range_rate"].status is Identifiable.GAIN_ONLY
         assert result.lines == (says,)
-    left, why = diagnosed({"range_rate": channel}, {"fopdt": drifting}, extended=False)
+    left, why, _ = diagnosed({"range_rate": channel}, {"fopdt": drifting}, None)
     assert left["range_rate"].status is Identifiable.GAIN_ONLY
     assert why == (says,)
 

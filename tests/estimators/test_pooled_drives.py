@@ -56,11 +56,11 @@ def test_the_diagnosis_of_all_drives_is_held_against_all() -> None:
     }
     found = pooled([{"fopdt": known(5.0), "armax": None}, {"fopdt": known(6.0), "armax": None}])
     assert found["armax"] is None
-    left, says = diagnosed(mine, found, extended=True)
+    left, says, _ = diagnosed(mine, found, {})
     assert left[NAME].status is Identifiable.NOT
     assert "9.00 [8.00, 10.00] by diagnose" in says[0]
     tests = ResidualTests(True, 0.0, 1.0, (NAME,), (), True, {}, {NAME: 0.9})
     some = {"fopdt": together(known(9.0), known(9.0)._replace(residual_tests=tests))}
-    assert diagnosed(mine, some, extended=False)[0][NAME].status is Identifiable.GAIN_ONLY
+    assert diagnosed(mine, some, None)[0][NAME].status is Identifiable.GAIN_ONLY
     changed = {"fopdt": together(known(9.0), known(9.0)._replace(details={"changes": ("one",)}))}
-    assert diagnosed(mine, changed, extended=False)[0][NAME].status is Identifiable.NOT
+    assert diagnosed(mine, changed, None)[0][NAME].status is Identifiable.NOT

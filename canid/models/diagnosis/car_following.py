@@ -50,7 +50,6 @@ from canid.models.diagnosis.several_drives import shared_causes
 from canid.models.diagnosis.vehicle import pedal_record
 from canid.models.diagnosis.verdict import Gained
 from canid.models.effects import CATALOGUE
-from canid.models.effects.driver import pedal_ceiling
 from canid.models.effects.effect import Detector, Effect, Kind
 from canid.models.effects.wanted_gap import Form
 from canid.values.findings import Finding, Fit, NotTestable
@@ -308,11 +307,11 @@ def _findings(
 def _limit_of_record(stated: Finding, corrected: Corrected) -> Finding:
     """A pedal's ceiling beyond which the car accelerates on is one of its record; where the car does not show it, either."""
     given, level = corrected.trace, stated.parameters.get("level")
-    if stated.effect != pedal_ceiling.EFFECT.id or level is None:
+    if stated.effect not in pedal_record.CEILINGS or level is None:
         return stated
     recorded = pedal_record.ends(given.t - given.t[0], corrected.context.vehicle.left, stated.episodes)
     if recorded is None:
-        return stated._replace(rivals=(*stated.rivals, pedal_ceiling.END_OF_RECORD))
+        return stated._replace(rivals=(*stated.rivals, pedal_record.END_OF_RECORD))
     says = (
         f"The pedal's record ends at {number(level.value)} %: the car accelerates on while it stands there."
     )

@@ -13,8 +13,8 @@ from canid.models.diagnosis.lane import lane_keeping
 from canid.models.diagnosis.report import nothing, report
 from canid.models.diagnosis.several_drives import shared_car
 from canid.models.diagnosis.several_drives.joined_drives import join
+from canid.models.diagnosis.vehicle import pedal_record
 from canid.models.effects import CATALOGUE, LANE_CATALOGUE
-from canid.models.effects.driver import pedal_ceiling
 from canid.models.effects.effect import Detector, Effect
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
 from canid.signals.signal_checks.output_ends import reached
@@ -83,7 +83,9 @@ def _arbitrated(report: Report, traces: Sequence[Trace], estimators: Mapping[str
     findings = [finding for trace in traces for finding in output_stamps.standing(trace)]
     left, says, differs = whole_drive_agreement.diagnosed(channels, whole, without, findings)
     # without causes the last model is the baseline, but where the pedal's record ends
-    alone = without is None and all(finding.effect != pedal_ceiling.EFFECT.id for finding in report.findings)
+    alone = without is None and all(
+        finding.effect not in pedal_record.CEILINGS for finding in report.findings
+    )
     baseline = report.baseline._replace(channels=left) if alone else report.baseline
     extended = report.extended._replace(channels=left)
     return report._replace(baseline=baseline, extended=extended, contradictions=says, without_causes=differs)

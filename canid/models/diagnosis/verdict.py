@@ -9,8 +9,8 @@ import numpy as np
 from canid.mathematics.identification.confidence import SIGMAS
 from canid.models.diagnosis.adequacy.adequacy import Adequacy
 from canid.models.diagnosis.remnant.remnant_block import WHERE, gained_by
+from canid.models.diagnosis.vehicle import pedal_record
 from canid.models.effects import CATALOGUE
-from canid.models.effects.driver import pedal_ceiling
 from canid.values.findings import Blocked, Finding, NotTestable, NullGain, Verdict, Window
 from canid.values.text.numbers import p_text
 from canid.values.types import Interval
@@ -195,7 +195,7 @@ def _better(gain: Interval, between: str = "", after: str = " on held-out data")
 
 def _places(finding: Finding) -> list[str]:
     """Blocks that its rivals are in."""
-    recorded = ["sensing"] * (pedal_ceiling.END_OF_RECORD in finding.rivals)
+    recorded = ["sensing"] * (pedal_record.END_OF_RECORD in finding.rivals)
     return [*recorded, *(effect.where for effect in CATALOGUE if effect.id in finding.rivals)]
 
 

@@ -23,7 +23,7 @@ from canid.mathematics.identification.fopdt.grid_search import (
     no_fit,
     ready,
 )
-from canid.mathematics.identification.fopdt.prior import InputPrior, Prior, for_inputs
+from canid.mathematics.identification.fopdt.prior import InputPrior, Prior, for_inputs, states_nothing
 from canid.mathematics.identification.output_filter import Equalizer, apply, complete, equalizer, is_unknown
 from canid.values.types import Array, OutputFilter
 
@@ -39,8 +39,9 @@ class Settings(NamedTuple):
     names: tuple[str, ...] = ()  # of the inputs; a prior of one channel's own needs them
 
     def input_prior(self) -> InputPrior | None:
-        """The prior of these inputs. Raises ValueError for a prior of one channel without names."""
-        return for_inputs(self.prior, self.names) if self.prior is not None else None
+        """The prior of these inputs, None: nothing. Raises ValueError for a prior of one channel without names."""
+        prior = for_inputs(self.prior, self.names) if self.prior is not None else None
+        return None if prior is None or states_nothing(prior) else prior
 
 
 def fit_process(

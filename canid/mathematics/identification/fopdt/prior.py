@@ -97,6 +97,16 @@ def for_inputs(prior: Prior, names: Sequence[str]) -> InputPrior:
     return InputPrior(prior, given, gain_prior.make(normals, correlation, atypical), atypical)
 
 
+def states_nothing(prior: InputPrior) -> bool:
+    """Whether it is about none of these inputs' parameters.
+
+    >>> states_nothing(for_inputs(Prior(), ())), states_nothing(for_inputs(Prior(tau=0.5, tau_factor=1.5), ()))
+    (True, False)
+    """
+    common = prior.common._replace(headway_error=None, range_rate=None, lateral_offset=None)
+    return common == Prior() and not any(prior.own)
+
+
 def states_all(prior: InputPrior) -> bool:
     """Whether it is about every gain, and about the delays of every channel, if only by a tie to those of another.
 

@@ -6,7 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from canid.models.effects import CATALOGUE
+from canid.models.effects.effect import Detector
 from canid.values.types import Array
+
+# a rival that acts on nothing: the sensor's range, or the logger's
+END_OF_RECORD = "end_of_record"
+CEILINGS = frozenset(effect.id for effect in CATALOGUE if Detector.PEDAL_CEILING in effect.detectors)
 
 # s; during a shorter standstill the engine's lag leaves nothing to be seen
 MIN_STAND_S = 1.0

@@ -16,9 +16,6 @@ from canid.models.effects.effect import (
 )
 from canid.values.types import Array
 
-# a rival that acts on nothing: the sensor's range, or the logger's
-END_OF_RECORD = "end_of_record"
-
 
 def init(p: Params, first: float) -> None:
     """Start; it has no state."""
