@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
+from canid.mathematics.estimators import armax_whole_drive
 from canid.mathematics.identification import identifiability, rounding
 from canid.models.diagnosis.driver.driver_fit import ANSWER_CHANCE, INITIAL_A, INITIAL_SD, MIN_SAMPLES
 from canid.models.diagnosis.driver.driver_intervals import BOUND_SCALE_SHARE, interval
@@ -156,7 +157,7 @@ def lacking(trace: Trace, usable: Flags, minimum: float) -> str:
         )
     if float(np.std(offset[here])) < STILL_OFFSET_M:
         return f"the lateral offset never moves, so nothing is answered; {need}"
-    return ""
+    return armax_whole_drive.input_coarse(trace, here)
 
 
 def refusal(data: LaneData, solved: FittedLane) -> str:
