@@ -69,12 +69,12 @@ def test_its_interval_holds_whatever_the_noise(memory: float, seed: int) -> None
         assert channel.K.low < K < channel.K.high, channel
 
 
-def lived(trace: Trace) -> Estimate:
-    """The last live estimate of 4 min."""
+def lived(trace: Trace, seconds: float = 240.0) -> Estimate:
+    """The last live estimate of so many seconds."""
     running = ARMAX.make(trace.input_names, trace.dt)
     state = running.init()
     for sample in drive_parameters.samples(trace):
-        if sample.t < 240.0:
+        if sample.t < seconds:
             state, _ = running.advance(state, sample)
             last = sample
     return running.estimate(state, last)[1]
@@ -90,12 +90,12 @@ def test_its_live_interval_holds_whatever_the_noise(memory: float, seed: int) ->
         assert channel.K.low < K < channel.K.high, channel
 
 
-@pytest.mark.slow("live over 4 min")
+@pytest.mark.slow("live over 10 min")
 @mostly(0.9)
 def test_live_no_gain_of_an_offset_that_is_recorded_late(seed: int) -> None:
-    """By 0.4 s; as it is, there is one."""
+    """By 0.4 s; as it is, there is one. After 4 min it is seen on some drives only, and what is quoted still holds."""
     angle, offset = loop(0.06, np.random.default_rng(seed))
-    made = [lived(drive(angle, np.r_[np.zeros(late), offset[: N - late]])) for late in (0, 4)]
+    made = [lived(drive(angle, np.r_[np.zeros(late), offset[: N - late]]), 590.0) for late in (0, 4)]
     assert [each.status for each in made] == [Status.OK, Status.INCONSISTENT]
     assert made[1].says == armax_whole_drive.INPUT_LATE
 
@@ -150,3 +150,14 @@ def test_an_offset_known_to_millimetres_is_not_late() -> None:
     """The bias by such a noise, taken off, made 4.1 standard deviations of 1.9: a clean drive had no gain."""
     sampled = trace(lane_drive(570100, rate=50.0))
     assert armax_whole_drive.input_late(sampled, sampled.learn) == ""
+
+
+@pytest.mark.slow("fits a drive of 10 min")
+@mostly(0.9)
+def test_an_offset_that_is_late_or_coarse_says_nothing_of_the_driver(seed: int) -> None:
+    """In steps of 0.01 m either may be: the drive is not one that the model fails to explain."""
+    angle, offset = loop(0.06, np.random.default_rng(seed))
+    coarse = np.rint(np.r_[np.zeros(4), offset[: N - 4]] / 0.01) * 0.01
+    report = canid.diagnose(drive(angle, coarse), arbitrated=False)
+    assert report.verdict is Verdict.NOT_ENOUGH_DATA
+    assert armax_whole_drive.INPUT_LATE in report.says

@@ -140,12 +140,13 @@ def _arx_orders(trace: Trace, usable: npt.NDArray[np.bool_], nk: int) -> Orders:
     return min(compared, key=lambda each: np.nan_to_num(each.aic, nan=np.inf)).orders
 
 
-def input_coarse(trace: Trace, usable: npt.NDArray[np.bool_]) -> str:
+def input_coarse(trace: Trace, usable: npt.NDArray[np.bool_], limit: float = MAX_STILL_SHARE) -> str:
     """Why no gain of one input holds; "": its steps are fine enough to show how it moves.
 
     Args:
         trace: of a drive.
         usable: (n,) samples that are fitted.
+        limit: share of them in which an input may stand still.
 
     Example:
         >>> from canid.values.types import LearnGate
@@ -158,7 +159,7 @@ def input_coarse(trace: Trace, usable: npt.NDArray[np.bool_]) -> str:
     x = trace.inputs[usable]
     moves = np.abs(np.diff(x, axis=0)) > STILL * np.abs(x).max(initial=0.0)
     still = 1.0 - float(moves.mean(axis=0).min(initial=1.0)) if len(moves) else 0.0
-    if still <= MAX_STILL_SHARE:
+    if still <= limit:
         return ""
     return (
         f"the input stands still for {100.0 * still:.0f} % of the samples: its steps, or how rarely it comes, hide how it "

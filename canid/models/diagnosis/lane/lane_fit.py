@@ -122,6 +122,8 @@ STILL_ANGLE, STILL_OFFSET_M = 0.05, 0.01
 # standard deviations of the wheel's motion; in larger steps rounding is no noise of its own (Widrow & Kollar 2008), and a
 # wheel that is turned stands still: with 2.5 of them 3 of 6 drives got an attention gap, and K held on 3
 MAX_STEP_SD = 2.0
+# of the samples, in which an offset has not moved: its steps are no longer small. In steps of 5 mm there are 1 to 6 %
+VISIBLE_STILL_SHARE = 0.06
 NAMES = {K: "the gain", KD: "the gain on lateral speed", TAU: "the lag", THETA: "the dead time"}
 
 
