@@ -15,7 +15,9 @@ from canid.mathematics.estimators.armax import ARMAX
 from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.values.findings import Verdict
 from canid.values.types import QUOTED, Estimate, LearnGate, Status, Trace
+from tests.plants.lane_tables import lane_drive
 from tests.plants.planted_drive import Array
+from tests.plants.quoted_intervals import trace
 from tests.seeds import mostly
 
 STEP, N, K, KD = 0.1, 6000, -0.9, -3.8
@@ -67,12 +69,12 @@ def test_its_interval_holds_whatever_the_noise(memory: float, seed: int) -> None
         assert channel.K.low < K < channel.K.high, channel
 
 
-def lived(trace: Trace) -> Estimate:
-    """The last live estimate of 4 min."""
+def lived(trace: Trace, seconds: float = 240.0) -> Estimate:
+    """The last live estimate of so many seconds."""
     running = ARMAX.make(trace.input_names, trace.dt)
     state = running.init()
     for sample in drive_parameters.samples(trace):
-        if sample.t < 240.0:
+        if sample.t < seconds:
             state, _ = running.advance(state, sample)
             last = sample
     return running.estimate(state, last)[1]
@@ -88,12 +90,12 @@ def test_its_live_interval_holds_whatever_the_noise(memory: float, seed: int) ->
         assert channel.K.low < K < channel.K.high, channel
 
 
-@pytest.mark.slow("live over 4 min")
+@pytest.mark.slow("live over 10 min")
 @mostly(0.9)
 def test_live_no_gain_of_an_offset_that_is_recorded_late(seed: int) -> None:
-    """By 0.4 s; as it is, there is one."""
+    """By 0.4 s; as it is, there is one. After 4 min it is seen on some drives only, and what is quoted still holds."""
     angle, offset = loop(0.06, np.random.default_rng(seed))
-    made = [lived(drive(angle, np.r_[np.zeros(late), offset[: N - late]])) for late in (0, 4)]
+    made = [lived(drive(angle, np.r_[np.zeros(late), offset[: N - late]]), 590.0) for late in (0, 4)]
     assert [each.status for each in made] == [Status.OK, Status.INCONSISTENT]
     assert made[1].says == armax_whole_drive.INPUT_LATE
 
@@ -127,3 +129,35 @@ def test_of_an_offset_that_is_recorded_late_no_gain_is_quoted(seed: int) -> None
         for channels in (identified.channels, report.extended.channels):
             assert ("K" in QUOTED[channels["lateral_offset"].status]) == quoted
         assert (armax_whole_drive.INPUT_LATE in report.says) != quoted
+
+
+@pytest.mark.slow("fits drives of 10 min")
+@pytest.mark.parametrize(("step", "shows"), [(0.005, True), (0.05, False)])
+def test_an_offset_in_steps_that_hide_how_it_moves_shows_no_gain(step: float, shows: bool, seed: int) -> None:
+    """By neither verb: in steps of 0.1 m K was half the truth, and a dead time that drifts was named on a clean drive."""
+    angle, offset = loop(0.06, np.random.default_rng(seed))
+    coarse = drive(angle, step * np.rint(offset / step))
+    identified = armax_whole_drive.identify(coarse, Orders())
+    assert identified is not None
+    assert ("K" in QUOTED[identified.channels["lateral_offset"].status]) == shows
+    report = canid.diagnose(coarse, arbitrated=False)
+    assert (report.verdict is not Verdict.NOT_ENOUGH_DATA) == shows
+    assert ("stands still" in report.says) != shows
+
+
+@pytest.mark.slow("samples a drive of 10 min at 50 Hz")
+def test_an_offset_known_to_millimetres_is_not_late() -> None:
+    """The bias by such a noise, taken off, made 4.1 standard deviations of 1.9: a clean drive had no gain."""
+    sampled = trace(lane_drive(570100, rate=50.0))
+    assert armax_whole_drive.input_late(sampled, sampled.learn) == ""
+
+
+@pytest.mark.slow("fits a drive of 10 min")
+@mostly(0.9)
+def test_an_offset_that_is_late_or_coarse_says_nothing_of_the_driver(seed: int) -> None:
+    """In steps of 0.01 m either may be: the drive is not one that the model fails to explain."""
+    angle, offset = loop(0.06, np.random.default_rng(seed))
+    coarse = np.rint(np.r_[np.zeros(4), offset[: N - 4]] / 0.01) * 0.01
+    report = canid.diagnose(drive(angle, coarse), arbitrated=False)
+    assert report.verdict is Verdict.NOT_ENOUGH_DATA
+    assert armax_whole_drive.INPUT_LATE in report.says

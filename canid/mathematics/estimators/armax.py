@@ -357,7 +357,7 @@ def _channels(setup: Setup, state: State, inflation: float) -> tuple[dict[str, C
     assert state.arx is not None
     shape, shares = setup.arx, np.array(forgetting_mixture.shares(state.model.trust))
     models = arx_recursive.solved(shape, state.arx)
-    at_once = arx_recursive.answers_at_once(shape, state.arx, models.orders[-1])
+    at_once = arx_recursive.answers_at_once(shape, state.arx, models.least)
     theta, na = shares @ models.theta, shape.orders[-1]
     away = models.theta - theta
     covariance = np.einsum("k,kij->ij", shares, models.covariance) + (shares[:, None] * away).T @ away

@@ -101,8 +101,8 @@ def step(shape: Layout, state: State, forgetting: Sequence[float], row: tuple[fl
     >>> state = init(shape)
     >>> for t in range(900): state = step(shape, state, (0.98, 1.0), (1.0, y[t], u[t]))
     >>> found = solved(shape, state)
-    >>> [round(float(x[15:30].sum() / (1 + x[:15].sum())), 1) for x in found.theta]
-    [2.4, 2.4]
+    >>> [round(float(x[15:30].sum() / (1 + x[:15].sum())), 1) for x in found.theta], found.least
+    ([2.4, 2.4], 2)
     """
     state = state._replace(rows=(*state.rows, row), fresh=state.fresh + 1)
     return state if state.fresh < shape.block else _taken(shape, state, forgetting)
@@ -155,6 +155,7 @@ class Solved(NamedTuple):
     """Least squares of each memory by the model that AIC prefers, zeros where it has no lag; p columns, as laid out."""
 
     orders: tuple[int, ...]  # (k,)
+    least: int  # that AIC prefers in the longest memory, without a margin
     theta: Array  # (k, p) outputs and inputs, no constant
     covariance: Array  # (k, p, p)
 
@@ -166,12 +167,12 @@ def solved(shape: Layout, state: State) -> Solved:
     p = len(wide) - 1
     theta, covariance = np.zeros((k, p)), np.zeros((k, p, p))
     fits = [_least_squares(state, shape.places(order, shape.dead_time)) for order in shape.orders]
-    chosen = _chosen(fits, rows(state))
+    chosen, least = _chosen(fits, rows(state))
     for i, j in enumerate(chosen):
         at = np.flatnonzero(np.isin(wide, shape.places(shape.orders[j], shape.dead_time)))[:-1]
         theta[i, at] = fits[j].theta[i, :-1]
         covariance[i][np.ix_(at, at)] = fits[j].covariance[i, :-1, :-1]
-    return Solved(tuple([shape.orders[j] for j in chosen]), theta, covariance)
+    return Solved(tuple([shape.orders[j] for j in chosen]), shape.orders[least], theta, covariance)
 
 
 def rows(state: State) -> Array:
@@ -180,13 +181,13 @@ def rows(state: State) -> Array:
     return np.asarray(w1 * w1 / np.maximum(w2, 1.0))
 
 
-def _chosen(fits: Sequence[_Fit], rows: Array) -> list[int]:
-    """Which fit of each memory."""
+def _chosen(fits: Sequence[_Fit], rows: Array) -> tuple[list[int], int]:
+    """Which fit of each memory, and which one has the least AIC in the longest."""
     counts = np.array([fit.theta.shape[1] for fit in fits])[:, None]
     aic = rows * np.log(np.maximum([fit.variance for fit in fits], 1e-300)) + 2.0 * counts
     aic[1:][rows < MIN_ROWS_PER_PARAMETER * counts[1:]] = np.inf
     close = aic <= aic.min(axis=0) + AIC_MARGIN
-    return [int(np.flatnonzero(column)[-1]) for column in close.T]
+    return [int(np.flatnonzero(column)[-1]) for column in close.T], int(aic[:, -1].argmin())
 
 
 class _Fit(NamedTuple):
@@ -212,7 +213,8 @@ def _least_squares(state: State, places: npt.NDArray[np.int64]) -> _Fit:
 def answers_at_once(shape: Layout, state: State, order: int) -> Array:
     """Of each input, in the longest memory: its answer within the sample, in standard deviations, against the gain's sign.
 
-    Nobody answers so fast: where it is large and of the gain's sign, the input is recorded late.
+    Nobody answers so fast: where it is large and of the gain's sign, the input is recorded late. Lags that nothing asks for
+    take its evidence, so that the order is the one of least AIC.
     """
     places = shape._replace(dead_time=shape.dead_time).places(order, 0)
     fit = _least_squares(state, places)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
+from canid.mathematics.estimators import armax_whole_drive
 from canid.mathematics.identification import identifiability, rounding
 from canid.models.diagnosis.driver.driver_fit import ANSWER_CHANCE, INITIAL_A, INITIAL_SD, MIN_SAMPLES
 from canid.models.diagnosis.driver.driver_intervals import BOUND_SCALE_SHARE, interval
@@ -121,6 +122,8 @@ STILL_ANGLE, STILL_OFFSET_M = 0.05, 0.01
 # standard deviations of the wheel's motion; in larger steps rounding is no noise of its own (Widrow & Kollar 2008), and a
 # wheel that is turned stands still: with 2.5 of them 3 of 6 drives got an attention gap, and K held on 3
 MAX_STEP_SD = 2.0
+# of the samples, in which an offset has not moved: its steps are no longer small. In steps of 5 mm there are 1 to 6 %
+VISIBLE_STILL_SHARE = 0.06
 NAMES = {K: "the gain", KD: "the gain on lateral speed", TAU: "the lag", THETA: "the dead time"}
 
 
@@ -156,7 +159,7 @@ def lacking(trace: Trace, usable: Flags, minimum: float) -> str:
         )
     if float(np.std(offset[here])) < STILL_OFFSET_M:
         return f"the lateral offset never moves, so nothing is answered; {need}"
-    return ""
+    return armax_whole_drive.input_coarse(trace, here)
 
 
 def refusal(data: LaneData, solved: FittedLane) -> str:

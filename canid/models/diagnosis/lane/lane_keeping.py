@@ -85,7 +85,11 @@ def prepare(corrected: Corrected) -> Baseline:
         raise TooLittleError("too few samples in a row in which a person keeps the lane", steps)
     if not lane_fit.answered(data, fitted):
         raise TooLittleError(NO_ANSWER, steps)
-    late = armax_whole_drive.input_late(trace, data.output.usable & ~data.output.hidden)
+    fitted_rows = data.output.usable & ~data.output.hidden
+    late = armax_whole_drive.input_late(trace, fitted_rows)
+    # the steps may be all that speaks against the driver
+    if late and armax_whole_drive.input_coarse(trace, fitted_rows, lane_fit.VISIBLE_STILL_SHARE):
+        raise TooLittleError(late, steps)
     return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted, late)
 
 
