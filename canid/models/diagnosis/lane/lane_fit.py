@@ -98,7 +98,7 @@ def channels(solved: FittedLane, data: LaneData) -> dict[str, Channel]:
     free = all(q[k] < HIGH[k] - BOUND_SCALE_SHARE * SCALE[k] for k in (TAU, THETA))
     known = identifiability.judge(gain, sd(K), sd(TAU), sd(THETA), sd(TAU, THETA), free)
     # a driver has three lags and more: of two lags and a dead time the sum alone is theirs (drive 500000 of
-    # tests/plants/lane_tables.py: tau and dead time missed by more than their half widths, K and the sum held)
+    # tests/plants/lane_tables.py: tau and the dead time missed, K and their sum held)
     status = Identifiable.SUM_ONLY if known is Identifiable.OK else known
     status = Identifiable.NOT if at_lock else status
     return {
