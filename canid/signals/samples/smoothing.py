@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from canid.signals.samples import report_noise
+from canid.signals.samples import repeated_reports, report_noise
 from canid.signals.samples.report_noise import Noise
 from canid.values.types import NAN
 
@@ -105,6 +105,7 @@ class State(NamedTuple):
     misfits: int = 0  # reports in a row that did not fit
     started: bool = False  # has history[0] been given out?
     shown: report_noise.State = report_noise.State()  # what the reports show of the radar
+    repeats: repeated_reports.State = repeated_reports.State()
 
 
 def expect(x: Vector, dt: float) -> Vector:
@@ -193,7 +194,7 @@ _NOTHING: Square = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 def fresh(state: State) -> State:
     """Return the state without a target; what is known of the radar stays."""
-    return State(shown=report_noise.another_target(state.shown))
+    return State(shown=report_noise.another_target(state.shown), repeats=state.repeats)
 
 
 def _start(
@@ -287,6 +288,9 @@ def step(
         if gap != gap:
             return state, [], False
         return _start(state, t, gap, range_rate, own_speed, expected, last.rate_at), flush(state, age), False
+    repeats, repeated = repeated_reports.step(state.repeats, gap, range_rate, dt)
+    if repeated:
+        return State(state.history, 0, state.started, state.shown, repeats), [], False
     way, reported = 0.0, gap
     if own_speed == own_speed:
         way = last.way + 0.5 * dt * (last.own + own_speed)
@@ -301,14 +305,14 @@ def step(
     history = (*state.history, now)
     old = t - now.lag + ROUNDING_S
     if own_speed == own_speed and history[state.started].t > old - TOGETHER_S:
-        return State(history, 0, state.started, shown), [], False
+        return State(history, 0, state.started, shown, repeats), [], False
     ready = 0
     while history[ready].t <= old:
         ready += 1
     out = _smooth(history, int(state.started), ready, age) if ready > state.started else []
     # one report that was given out stays in front: it is where the next stretch begins
     kept = history[max(ready - 1, 0) :]
-    return State(kept, 0, ready > 0, shown), out, False
+    return State(kept, 0, ready > 0, shown, repeats), out, False
 
 
 def early(state: State, t: float, age: Age = DEFAULT_AGE) -> tuple[State, list[Smoothed]]:

@@ -1,0 +1,66 @@
+"""Reports that a radar sends more than once, and coarse ones that are equal by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from canid.signals.samples import repeated_reports, report_noise, smoothing
+from canid.signals.samples.report_noise import Noise
+from canid.values.types import Array
+from tests import seeds
+from tests.samples.test_smoothing import NOISE, drive
+
+HZ, SECONDS, SPEED = 10.0, 300.0, 20.0
+
+
+def smoothed(t: Array, gap: Array, rate: Array, times: int) -> tuple[float, Noise]:
+    """What is missed of the range rate, and the noise that was found: standard deviations; each report is sent so often."""
+    state, missed = smoothing.State(), []
+    seen_rate = rate + NOISE.range_rate * np.random.default_rng(t.size).standard_normal(t.size)
+    seen_gap = gap + NOISE.gap * np.random.default_rng(t.size + 1).standard_normal(t.size)
+    for k, now in enumerate(t.tolist()):
+        for again in range(times):
+            at = now + again / (HZ * times)
+            report = float(seen_gap[k]), float(seen_rate[k])
+            state, ready, _ = smoothing.step(state, at, *report, Noise(), own_speed=SPEED)
+            missed += [point.range_rate - np.interp(point.t, t, rate) for point in ready]
+    return float(np.std(missed[len(missed) // 5 :])), report_noise.noise(state.shown, Noise())
+
+
+@pytest.mark.parametrize("times", [2, 5])
+@seeds.mostly(0.95)
+def test_a_report_that_is_sent_again_is_no_measurement(times: int, seed: int) -> None:
+    """The smoother misses as much as without repeats, to 5 %, and finds the same noise, to 10 %; it missed twice as much."""
+    t, gap, rate, _, _ = drive(np.random.default_rng(seed), SECONDS, HZ)
+    (once, noise), (often, found) = (smoothed(t, gap, rate, each) for each in (1, times))
+    assert often < 1.05 * once, (often, once)
+    assert found == pytest.approx(noise, rel=0.1)
+
+
+@pytest.mark.parametrize(("gap_step", "rate_step"), [(0.1, 0.1), (0.2, 0.25), (1.0, 0.25)])
+@pytest.mark.parametrize("hz", [10.0, 50.0])
+@seeds.mostly(0.95)
+def test_coarse_reports_that_are_equal_by_chance_are_new(
+    hz: float, gap_step: float, rate_step: float, seed: int
+) -> None:
+    """Of reports in steps of one to five standard deviations of their noise, a hundredth at most is left out."""
+    t, gap, rate, _, _ = drive(np.random.default_rng(seed), 120.0, hz)
+    rng, state, last, left_out = np.random.default_rng(seed + 1), repeated_reports.State(), 0.0, 0
+    gap = np.rint((gap + 0.1 * rng.standard_normal(t.size)) / gap_step) * gap_step
+    rate = np.rint((rate + 0.05 * rng.standard_normal(t.size)) / rate_step) * rate_step
+    for now, *report in zip(t.tolist(), gap.tolist(), rate.tolist(), strict=True):
+        state, again = repeated_reports.step(state, *report, now - last)
+        last, left_out = (last, left_out + 1) if again else (now, left_out)
+    assert left_out <= 0.01 * t.size, left_out
+
+
+def test_a_lead_at_rest_is_seen_all_the_time() -> None:
+    """Two cars at rest: smoothed reports come on, at most a quarter of a second and a report apart."""
+    state, times = smoothing.State(), []
+    for k in range(4000):
+        moved = max(0.0, 30.0 - 0.05 * (k // 2))
+        report = (10.0 + moved, -1.0 - 1e-3 * (k // 2 % 7)) if moved > 0.0 else (10.0, 0.0)
+        state, ready, _ = smoothing.step(state, 0.05 * k, *report, Noise(), own_speed=SPEED)
+        times += [point.t for point in ready]
+    assert max(np.diff(times)) < 0.31, max(np.diff(times))
