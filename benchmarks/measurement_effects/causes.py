@@ -21,8 +21,8 @@ import numpy as np
 
 import canid
 from benchmarks.measurement_effects.drives import drawn_drive, trace
+from canid.models.diagnosis.vehicle.pedal_record import END_OF_RECORD
 from canid.models.effects import CATALOGUE
-from canid.models.effects.driver.pedal_ceiling import END_OF_RECORD
 from canid.values.errors import CanidError
 from canid.values.findings import Verdict
 from tests.plants.outside_drives import SIMULATORS
