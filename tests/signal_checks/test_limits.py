@@ -26,7 +26,8 @@ ROLES = ("pedal", "speed", "gap", "range_rate", "accel")
 
 def drive(seed: int, low: float, high: float) -> tuple[Columns, Trace]:
     """A drive of eight minutes with a range rate between limits."""
-    columns = {role: following(seed, 8.0)[role] for role in ROLES}
+    drive = following(seed, 8.0)
+    columns = {role: drive[role] for role in ROLES}
     columns["range_rate"] = np.clip(columns["range_rate"], low, high)
     time = DT * np.arange(len(columns["gap"]))
     return columns, from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **columns)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,8 @@ NAME = "range_rate_saturated"
 
 def columns(seed: int) -> Columns:
     """A drive of eight minutes."""
-    return {role: following(seed, 8.0)[role] for role in ROLES}
+    drive = following(seed, 8.0)
+    return {role: drive[role] for role in ROLES}
 
 
 def read(given: Columns) -> Trace:
@@ -50,20 +53,42 @@ def test_a_limit_behind_a_filter_is_found_by_the_gap(sides: tuple[bool, bool], s
     assert not usable(with_limits(trace)).any()
 
 
-def test_what_is_no_limit_is_not_called_one(seed: int) -> None:
+def delayed(x: Array) -> Array:
+    """A quarter of a second later."""
+    return np.concatenate([x[:5], x[:-5]])
+
+
+def in_steps(x: Array) -> Array:
+    """Half a standard deviation each."""
+    step = 0.5 * float(np.std(x))
+    return np.round(x / step) * step
+
+
+def noisy(x: Array) -> Array:
+    """Half a standard deviation of noise."""
+    return x + 0.5 * float(np.std(x)) * np.random.default_rng(1).standard_normal(len(x))
+
+
+OTHERS: dict[str, Callable[[Array], Array]] = {
+    "as it is": lambda x: x,
+    "lag": lambda x: lagged(x, 0.4),
+    "delay": delayed,
+    "scale": lambda x: 1.3 * x,
+    "steps": in_steps,
+    "noise": noisy,
+}
+
+
+@pytest.mark.parametrize("role", ["gap", "range_rate"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        name if name in ("steps", "noise") else pytest.param(name, marks=pytest.mark.slow("six drives"))
+        for name in OTHERS
+    ],
+)
+def test_what_is_no_limit_is_not_called_one(kind: str, role: str, seed: int) -> None:
     """A drive as it is, and one with a lag, a delay, a scale, steps or much noise in either signal."""
-    rng = np.random.default_rng(seed)
-    for role in ("gap", "range_rate"):
-        given = columns(seed)
-        x = given[role]
-        size = float(np.std(x))
-        several = (
-            x,
-            lagged(x, 0.4),
-            np.concatenate([x[:5], x[:-5]]),
-            1.3 * x,
-            np.round(x / (0.5 * size)) * (0.5 * size),
-            x + 0.5 * size * rng.standard_normal(len(x)),
-        )
-        for changed in several:
-            assert NAME not in {finding.name for finding in read(given | {role: changed}).findings}
+    given = columns(seed)
+    found = read(given | {role: OTHERS[kind](given[role])}).findings
+    assert NAME not in {finding.name for finding in found}
