@@ -138,6 +138,12 @@ BENCHMARKS = (
         "whether the first sentence of a diagnosis alone holds what was planted, in 40 drives",
     ),
     Benchmark(
+        "averaged_gains",
+        "benchmarks.hidden_effects.averaged_gains",
+        "6 min",
+        "which gains identify may quote where the driver has a cause that its model has not, in 36 drives",
+    ),
+    Benchmark(
         "pages",
         "benchmarks.pages",
         "25 min",

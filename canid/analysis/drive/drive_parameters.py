@@ -23,6 +23,7 @@ from canid.mathematics.identification.armax.armax_batch import ArmaxFit
 from canid.mathematics.identification.armax.order_selection import Candidate
 from canid.mathematics.systems.drive_responses import DriveResponses, drive_responses
 from canid.mathematics.systems.identified_loop import IdentifiedLoop, identified_loop
+from canid.models.diagnosis import averaged_gain
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
 from canid.signals.signal_checks.output_ends import OutputEnd, reached
@@ -186,7 +187,7 @@ def _whole_drive(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> Id
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
         windows=(),
-        whole=estimates(fitted, trace, settings),
+        whole=averaged_gain.without_averages(estimates(fitted, trace, settings), trace),
         orders=(),
         time=time,
         findings=trace.findings,

@@ -83,16 +83,16 @@ def arbitrated(
             if (a in wrong) != (b in wrong):
                 other, right = (a, b) if a in wrong else (b, a)
                 reason = f"{says}: steering is of higher order than one lag and a dead time: use {right}'s"
-                out[other] = _without(out[other], name, what, reason)
+                out[other] = without_parameter(out[other], name, what, reason)
                 continue
             reason = _neither(says, (a, b))
             for method in (a, b):
-                out[method] = _without(out[method], name, what, reason)
+                out[method] = without_parameter(out[method], name, what, reason)
         if not {a, b} & wrong:
             for method, other in ((a, b), (b, a)):
                 if method not in explained:
                     for name, reason in _unconfirmed(made, method, other):
-                        out[method] = _without(out[method], name, "K", reason)
+                        out[method] = without_parameter(out[method], name, "K", reason)
     for reason in _drifts(made):
         out = {name: _without_delays(result, reason) for name, result in out.items()}
     return _with_changes(out, explained)
@@ -196,7 +196,7 @@ def _without_gains_left_over(result: WholeDrive | None) -> WholeDrive | None:
     out: WholeDrive | None = result
     for name, reason in plausibility.gains_left_over(result.residual_tests).items():
         if quotable(result.channels.get(name, Channel()), "K"):
-            out = _without(out, name, "K", reason)
+            out = without_parameter(out, name, "K", reason)
     return out
 
 
@@ -231,8 +231,15 @@ def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Ite
             )
 
 
-def _without(result: WholeDrive | None, name: str, what: str, reason: str) -> WholeDrive | None:
-    """Withhold a parameter of an input."""
+def without_parameter(result: WholeDrive | None, name: str, what: str, reason: str) -> WholeDrive | None:
+    """Withhold a parameter of an input.
+
+    Args:
+        result: of a method; None: it has none.
+        name: of the input.
+        what: the parameter.
+        reason: why, in one line.
+    """
     if result is None:
         return None
     channel = result.channels[name]

@@ -206,6 +206,20 @@ def _propose(
     ]
 
 
+def first_step(
+    data: DriverData, fitted: FittedDriver, effects: tuple[Effect, ...], least: float
+) -> tuple[FittedDriver, list[DriverCandidate]]:
+    """Every effect that is fitted, each added to the baseline alone; and the baseline, where a fit shows a better one.
+
+    Args:
+        data: the driver's columns.
+        fitted: the baseline.
+        effects: that are tried.
+        least: evidence below which a candidate is of no use.
+    """
+    return _tried(_curves(effects), data, fitted, least)
+
+
 def largest_margin(
     data: DriverData, fitted: FittedDriver, effects: tuple[Effect, ...], among: int, above: float
 ) -> float:
@@ -219,7 +233,7 @@ def largest_margin(
         above: margin; below 0 where next to other names one has less left than it needed alone. What cannot reach it is
             not fitted.
     """
-    solved, tried = _tried(_curves(effects), data, fitted, needed(1, among) + above)
+    solved, tried = first_step(data, fitted, effects, needed(1, among) + above)
     margins = [
         candidate.evidence - _needed(candidate, among) for candidate in tried if not at_bound(candidate)
     ]
