@@ -57,6 +57,14 @@ class NullGain(NamedTuple):
     replicates: int = 0  # simulated drives that it rests on
 
 
+class RivalCause(NamedTuple):
+    """A rival that was fitted in place of a cause."""
+
+    effect: str  # id in CATALOGUE
+    parameters: Mapping[str, Interval]
+    units: Mapping[str, str]  # parameter -> unit
+
+
 class Finding(NamedTuple):
     """One effect that was named as a cause."""
 
@@ -76,6 +84,7 @@ class Finding(NamedTuple):
     # nats/min, one-step predictive log score on held-out data over the model without it; NaN: not scored
     log_score_gain: Interval = Interval()
     null_gain: NullGain = NullGain()  # of `gain`; of findings of the driver
+    rival_causes: tuple[RivalCause, ...] = ()  # of `rivals` those that were fitted in its place
 
 
 class Tried(NamedTuple):

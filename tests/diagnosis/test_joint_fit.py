@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from canid.models.diagnosis.driver import driver_candidates, driver_intervals, local_minima, noise_law
 from canid.models.diagnosis.driver.driver_data import DriverData, prepare
 from canid.models.diagnosis.driver.driver_fit import FittedDriver, baseline
+from canid.models.diagnosis.driver.driver_model import DriverModel
 from canid.models.diagnosis.fitting import candidates
+from canid.models.diagnosis.fitting.candidates import Candidate
 from canid.models.diagnosis.fitting.fitted_model import polished, solve
 from canid.models.diagnosis.fitting.likelihood import whitened
-from canid.models.diagnosis.fitting.search import Named
+from canid.models.diagnosis.fitting.search import Named, Step
 from canid.models.diagnosis.fitting.uncertainty import sandwich
 from canid.models.effects import CATALOGUE
 from canid.values.types import Interval
@@ -19,6 +23,7 @@ from tests.plants.loop_noise import follower
 from tests.seeds import mostly
 
 (ASYMMETRY,) = (effect for effect in CATALOGUE if effect.id == "asymmetric_gain")
+(LOOMING,) = (effect for effect in CATALOGUE if effect.id == "looming_gain")
 (ATTENTION,) = (effect for effect in CATALOGUE if effect.id == "attention_gap")
 SHARE = 0.35
 # m/s² and s: noise that the loop carries back into headway and range rate
@@ -98,6 +103,28 @@ def test_a_name_is_needed_under_the_likelihood_of_its_interval(seed: int) -> Non
     # one alone has no others next to which it would show more
     (cause,) = candidates.still_named([Named(ASYMMETRY, 14.0, 13.0)], kept)
     assert kept.evidence["asymmetric_gain"] > 14.0 == cause.evidence
+
+
+@pytest.mark.slow("fits a planted drive")
+def test_a_rival_has_the_size_that_it_has_in_place_of_the_cause(seed: int) -> None:
+    data, fitted = driven(seed)
+    solved = with_cause(data, fitted)
+    kept = candidates.Kept(solved, {}, {ASYMMETRY.id: fitted})
+    steps = [Step(each, 1, 40.0, 13.0) for each in (ASYMMETRY, LOOMING)]
+
+    def swaps(worth: set[str], left: FittedDriver) -> Sequence[Candidate[DriverModel]]:
+        assert worth == {LOOMING.id}
+        return [driver_candidates.tried(LOOMING, data, left, driver_candidates.screen(LOOMING, data, left))]
+
+    # so much needed that whatever is fitted is a rival
+    cause = candidates.with_rivals(Named(ASYMMETRY, 40.0, 1e6), data, kept, steps, swaps)
+    (rival,) = candidates.rival_causes(
+        cause, lambda model, effect: driver_intervals.parameters(model, data, effect.id)[effect.id]
+    )
+    (alone,) = swaps({LOOMING.id}, fitted)
+    exponent = rival.parameters["exponent"]
+    assert (rival.effect, rival.units) == (LOOMING.id, {"exponent": "1"})
+    assert exponent.low < exponent.value == alone.solved.q[-1] < exponent.high
 
 
 @pytest.mark.parametrize("count", [2, 3, 20])

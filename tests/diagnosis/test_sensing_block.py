@@ -80,6 +80,9 @@ def test_a_sound_range_rate_is_not_corrected_for_a_wrong_gap(factor: float) -> N
         seen = scaled(drive(simulator, {}, seed, "urban"), gap=factor)
         found = sensing_block.diagnose_sensing(seen).findings
         assert {name for one in found for name in (one.effect, *one.rivals)} >= {"range_scale"}
+        # either of the two has its size
+        either = [one for one in found if {"range_scale", "range_rate_scale"} == {one.effect, *one.rivals}]
+        assert all(set(one.rival_causes[0].parameters) == {"share"} for one in either)
         right, _ = corrections.corrected(seen, found, CATALOGUE)
         np.testing.assert_array_equal(right.signals["range_rate"], seen.signals["range_rate"])
 

@@ -61,6 +61,8 @@ DATES = {
     "month first, 12 hours": ("time", "%m/%d/%Y %I:%M:%S.%L %p"),
     "day first": ("time", "%d/%m/%Y %H:%M:%S.%L"),
     "two digits of the year": ("time", "%d.%m.%y %H:%M:%S.%L"),
+    "two digits of the year, first": ("time", "%y/%m/%d %H:%M:%S.%L"),
+    "a month's name between two digits each": ("time", "%y-%b-%d %H:%M:%S.%L"),
     "weekday": ("time", "%a %d %b %Y %H:%M:%S.%L"),
     "month's name first": ("time", '"%b %d, %Y %H:%M:%S.%L"'),
     "ISO": ("time", "%Y-%m-%dT%H:%M:%S.%LZ"),
@@ -88,8 +90,9 @@ def test_dates_as_programs_write_them(tmp_path: Path, name: str, seed: int) -> N
         assert table.log.start_utc == _NIGHT.timestamp()
     # 5 August, over midnight: 6 August; the other reading is a month later
     notes = [note for note in table.notes if "first, as otherwise the rows would be" in note]
-    assert len(notes) == any(x in pattern for x in ("%d/%m", "%d.%m", "%m/%d"))
-    assert all(("month first" in note) == ("%m/%d" in pattern) for note in notes)
+    assert len(notes) == any(x in pattern for x in ("%d/%m", "%d.%m", "%m/%d", "%y-%b"))
+    order = "year" if pattern.startswith("%y") else "month" if "%m/%d" in pattern else "day"
+    assert all(f": {order} first" in note for note in notes)
 
 
 @pytest.mark.parametrize(
@@ -100,6 +103,30 @@ def test_dates_as_programs_write_them(tmp_path: Path, name: str, seed: int) -> N
         ("2026-08-05", "%m/%d/%Y %I:%M:%S.%L %p", "month taken to be first, which no row shows", 5),
         ("2026-08-05", "%d/%m/%Y %H:%M:%S.%L", "day taken to be first, which no row shows", 5),
         ("2026-08-05", "%d.%m.%Y %H:%M:%S.%L", "day taken to be first, which no row shows", 5),
+        (
+            "2026-08-05",
+            "%y/%m/%d %H:%M:%S.%L",
+            "year taken to be first, which no row shows (day first: 2005-08-26)",
+            5,
+        ),
+        (
+            "2026-08-05",
+            "%d.%m.%y %H:%M:%S.%L",
+            "day taken to be first, which no row shows (month first: 2026-05-08",
+            5,
+        ),
+        (
+            "2026-08-31",
+            "%d/%m/%y %H:%M:%S.%L",
+            "day taken to be first, which no row shows (year first: 2031-08-26)",
+            31,
+        ),
+        (
+            "2026-08-31",
+            "%y/%m/%d %H:%M:%S.%L",
+            "year taken to be first, which no row shows (day first: 2031-08-26)",
+            31,
+        ),
     ],
 )
 def test_which_of_two_numbers_is_the_month(

@@ -83,6 +83,7 @@ def test_one_meaning_is_read(what: str, tmp_path: Path) -> None:
     assert any(says in line for line in warnings), warnings
 
 
+OF_TWO = ' SG_ Page M : 32|8@1+ (1,0) [0|0] "" X\n SG_ Part m0M : 40|8@1+ (1,0) [0|0] "" X\n'
 # what is wrong -> (text, line, reason, what is left of MOTION)
 LEFT_OUT = {
     "an id of more than 29 bits": (MESSAGE.replace("288", "1075054137") + NEXT, 1, "29 bits", None),
@@ -92,6 +93,8 @@ LEFT_OUT = {
     "a misspelt message": ('BO_ 7 FIRST: 8 X\n SG_ A : 0|8@1+ (1,0) [0|0] "" X\n' + MESSAGE.replace("BO_", "B0_") + NEXT,
                            3, "no statement", None),
     "pages without a selector": (MESSAGE.replace("Speed :", "Speed m1 :") + NEXT + 'VAL_ 1 A 0 "a";', 2, "page", 0),
+    "pages without a selector, which cantools reads": (MESSAGE.replace("Speed :", "Speed m1 :") + NEXT, 2, "page", 0),
+    "pages of one of two selectors": (MESSAGE.replace("Speed :", "Speed m1 :") + OF_TWO + NEXT, 2, "page", 1),
     "a type that cannot be read": (MESSAGE + NEXT + "SIG_VALTYPE_ 288 Speed : float;", 2, "line 5 describes it", 0),
 }  # fmt: skip
 

@@ -266,9 +266,9 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         Verdict.ADEQUATE: "nothing that this drive can show is wrong with the simulation (30 causes tried)",
         Verdict.NAMED: "the driver does not react to small headway errors (±0.34 [0.28, 0.41] s); "
         "the simulation's error variance falls by 31 % [24, 37] on data that chose nothing",
-        Verdict.ONE_OF: "headway_dead_zone or speed_gain: not distinguishable on this drive",
+        Verdict.ONE_OF: "headway dead zone or speed gain: not distinguishable on this drive",
         Verdict.UNEXPLAINED: "something is wrong that no known cause explains; "
-        "headway_dead_zone helps and leaves structure behind",
+        "headway dead zone helps and leaves structure behind",
     }[verdict]
     found = () if verdict is Verdict.ADEQUATE else (finding,)
     shifts = {
@@ -326,11 +326,11 @@ def made(verdict: Verdict = Verdict.NAMED, minutes: float = 10.0, seed: int = 1)
         spectra(d),
         closed,
         shifts,
-        ("10 min of urban following (3 to 14 m/s) distinguishes standstill_gap from range_offset",),
+        ("10 min of urban following (3 to 14 m/s) distinguishes standstill gap from range offset",),
         (
             "5 % of the drive left out: cruise control",
             "baseline fitted jointly with AR(8) noise: residual 2.6 % pedal",
-            "30 causes tried one by one; headway_dead_zone has the largest evidence, 96.4 (needed 15.8)",
+            "30 causes tried one by one; headway dead zone has the largest evidence, 96.4 (needed 15.8)",
             "refitted jointly; adequacy gate passed; no second cause above 15.8",
         ),
         Provenance(

@@ -27,8 +27,12 @@ MADE = {
     ("canid/ui/views/document/templates.py", "file_text"): "a file of the package",
     ("canid/ui/views/document/document_page.py", "page"): "JSON whose every < is escaped",
     ("canid/ui/views/document/document_page.py", "spoken"): "is markup already, to which elements are added",
+    (
+        "canid/ui/views/document/terms.py",
+        "linked",
+    ): "is markup already, or escaped first, to which elements are added",
     ("canid/ui/views/drawing/palette.py", "light"): "is markup already, whose colors are replaced",
-    ("canid/ui/views/drawing/plotly_package.py", "plotly_script"): "a file of plotly",
+    ("canid/ui/views/drawing/plotly_package.py", "plotly_script"): "a file of the package",
     ("canid/ui/views/notebook/fragment.py", "fragment"): "of a template that escapes",
     ("canid/ui/views/signal_page/signal_page.py", "file"): "JSON whose every < is escaped",
     ("canid_study/views/study_page.py", "page"): "drawn by matplotlib, and a file of the package",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -53,8 +53,9 @@ from canid.models.effects import CATALOGUE
 from canid.models.effects.effect import Detector, Effect, Kind
 from canid.models.effects.wanted_gap import Form
 from canid.values.findings import Finding, Fit, NotTestable
+from canid.values.text.names import either, readable
 from canid.values.text.numbers import number
-from canid.values.types import Array, Trace
+from canid.values.types import Array, Interval, Trace
 
 NO_ANSWER = (
     "the output answers neither headway nor relative speed by more than chance: is it the right signal? "
@@ -291,6 +292,11 @@ def _findings(
     search_result = confirmed.search
     fitted = driver_intervals.parameters(search_result.solved, search_result.data)
     seconds = float((data.output.usable.sum()) * data.output.dt)
+    in_unit = partial(in_output_unit, pedal=data.pedal)
+
+    def rival(solved: FittedDriver, effect: Effect) -> Mapping[str, Interval]:
+        return driver_intervals.parameters(solved, search_result.data, effect.id)[effect.id]
+
     out = []
     for cause in search_result.named:
         estimates = dict(fitted.get(cause.effect.id, {}))
@@ -299,8 +305,8 @@ def _findings(
         if cause.episodes and Detector.PEDAL_CEILING not in cause.effect.detectors:
             estimates = driver_intervals.episode_parameters(cause, seconds)
         named = cause._replace(rivals=possible(cause.rivals, trace, data))
-        in_unit = partial(in_output_unit, pedal=data.pedal)
-        out.append(finding(named, estimates, held, gained, confirmed.log_scores[cause.effect.id], in_unit))
+        score = confirmed.log_scores[cause.effect.id]
+        out.append(finding(named, estimates, held, gained, score, rival, in_unit))
     return tuple(out)
 
 
@@ -336,7 +342,9 @@ def _advice(
     undecided: list[NotTestable], findings: tuple[Finding, ...], drivers: tuple[Effect, ...]
 ) -> list[str]:
     by = {effect.id: effect for effect in drivers}
-    rivals = [f"{f.effect}: {by[f.effect].decides}" for f in findings if f.rivals and by[f.effect].decides]
+    rivals = [
+        f"{readable(f.effect)}: {by[f.effect].decides}" for f in findings if f.rivals and by[f.effect].decides
+    ]
     return rivals + [
-        f"{' or '.join(n.effects)}: {by[n.effects[0]].decides}" for n in undecided if by[n.effects[0]].decides
+        f"{either(n.effects)}: {by[n.effects[0]].decides}" for n in undecided if by[n.effects[0]].decides
     ]

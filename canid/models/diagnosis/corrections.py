@@ -14,6 +14,7 @@ from canid.models.diagnosis.vehicle import vehicle_block
 from canid.models.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.models.effects.effect import Effect
 from canid.values.findings import Blocked, Finding, Flags, Masked, masked_for
+from canid.values.text.names import readable
 from canid.values.text.numbers import number
 from canid.values.types import Trace
 
@@ -116,7 +117,7 @@ def diagnose_context(trace: Trace, catalogue: tuple[Effect, ...]) -> Context:
     effects = tuple(effect for effect in catalogue if effect.where == "vehicle")
     vehicle = vehicle_block.diagnose_vehicle(right, usable, effects)
     named = [
-        f"{f.effect} in the {f.where}: evidence {f.evidence:.0f}"
+        f"{readable(f.effect)} in the {f.where}: evidence {f.evidence:.0f}"
         for f in (*sensed.findings, *vehicle.findings)
     ]
     return Context(right, usable, masked, sensed, vehicle, (*steps, *named))
@@ -151,7 +152,7 @@ def corrected(
         signals |= fixed
         numbers = ", ".join(f"{name} {number(iv.value, digits=4)}" for name, iv in estimates.items())
         steps.append(
-            f"{effect.id} corrected before vehicle and driver were diagnosed{numbers and ': ' + numbers}"
+            f"{readable(effect.id)} corrected before vehicle and driver were diagnosed{numbers and ': ' + numbers}"
         )
     if not steps:
         return trace, []

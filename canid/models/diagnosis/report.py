@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from canid.models.diagnosis import residual_maps, verdict
 from canid.models.diagnosis.adequacy.adequacy import Adequacy
 from canid.models.diagnosis.corrections import Corrected, TooLittleError
+from canid.models.diagnosis.fitting.candidates import rival_causes
 from canid.models.diagnosis.fitting.fitted_model import FittedModel, M
 from canid.models.diagnosis.fitting.model import Columns
 from canid.models.diagnosis.fitting.search import Named, Step
 from canid.models.diagnosis.remnant import remnant_block
 from canid.models.diagnosis.remnant.remnant_block import RemnantReport
 from canid.models.diagnosis.verdict import Gained
+from canid.models.effects.effect import Effect
 from canid.values.findings import (
     Blocked,
     Check,
@@ -35,6 +37,7 @@ from canid.values.findings import (
 )
 from canid.values.identified_model import IdentifiedModel
 from canid.values.output_role import output_role
+from canid.values.text.names import readable
 from canid.values.text.numbers import chance, interval
 from canid.values.types import NAN, Array, Interval, Trace
 
@@ -172,6 +175,7 @@ def finding(
     held: Adequacy,
     gained: Gained,
     log_score: Interval,
+    parameters: Callable[[FittedModel[Any], Effect], Mapping[str, Interval]],
     in_unit: Callable[[str], str] = str,
 ) -> Finding:
     """A cause of the driver as a report has it.
@@ -182,6 +186,7 @@ def finding(
         held: adequacy tests of the last model; where one failed, it is not the cause.
         gained: by all findings of the driver.
         log_score: nats/min, gained by this one.
+        parameters: of a rival's model, as `rival_causes` takes it.
         in_unit: puts the output's unit into a text.
     """
     says = in_unit(cause.effect.says)
@@ -191,7 +196,7 @@ def finding(
         effect=cause.effect.id, where=cause.effect.where, rivals=cause.rivals, surrogate=not held.passed,
         parameters=estimates, units={p.name: in_unit(p.unit) for p in cause.effect.parameters}, gain=gained.gain, says=says,
         evidence=cause.evidence, needed=cause.needed, episodes=cause.episodes, log_score_gain=log_score,
-        null_gain=gained.null,
+        null_gain=gained.null, rival_causes=rival_causes(cause, parameters, in_unit),
     )  # fmt: skip
 
 
@@ -238,7 +243,7 @@ def search_steps(
     return [
         f"baseline fitted on {rows} samples; noise autoregressive of order {order}",
         *(
-            f"{cause.effect.id} accepted: evidence {cause.evidence:.0f}, needed {cause.needed:.0f}"
+            f"{readable(cause.effect.id)} accepted: evidence {cause.evidence:.0f}, needed {cause.needed:.0f}"
             for cause in named
         ),
         f"{len({s.effect.id for s in searched})} causes fitted in full, of the {candidates} of this block",

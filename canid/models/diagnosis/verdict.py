@@ -12,6 +12,7 @@ from canid.models.diagnosis.remnant.remnant_block import WHERE, gained_by
 from canid.models.diagnosis.vehicle import pedal_record
 from canid.models.effects import CATALOGUE
 from canid.values.findings import Blocked, Finding, NotTestable, NullGain, Verdict, Window
+from canid.values.text.names import readable
 from canid.values.text.numbers import p_text
 from canid.values.types import Interval
 
@@ -69,14 +70,14 @@ def says(
         )
     if verdict is Verdict.UNEXPLAINED:
         what = "; ".join(failed(held))
-        names = ", ".join(finding.effect for finding in findings)
+        names = ", ".join(readable(finding.effect) for finding in findings)
         helps = "helps, but" if gained.gain.value > 0 else "predicts the next sample better, but"
         surrogate = f" {names} {helps} is not the cause." if findings else ""
         where = max(worst, key=lambda window: window.after, default=None)
         most = f" Most of it is at {where.start:.0f} to {where.stop:.0f} s." if where is not None else ""
         return f"UNEXPLAINED: the residual holds {what}.{most}{surrogate}{better}"
     if verdict is Verdict.ONE_OF:
-        sets = " and ".join("one of {" + ", ".join((f.effect, *f.rivals)) + "}" for f in findings)
+        sets = " and ".join(map(_choice, findings))
         return f"ONE OF: {sets}.{better}"
     return f"CAUSE: {' '.join(finding.says for finding in findings)}{better} The residual holds nothing more."
 
@@ -139,7 +140,7 @@ def sentence(
         if chosen:
             either = f" ({', '.join(chosen)})" if any(f.rivals for f in findings if f.where == WHERE) else ""
             return f"ADEQUATE: Mean law adequate. The remnant{either}: {noise.says}{tail}"
-        states = ", ".join(f"{line.where} {line.state.replace('_', ' ')}" for line in lines)
+        states = ", ".join(f"{line.where} {readable(line.state)}" for line in lines)
         return (
             f"ADEQUATE: none of {tried} causes explains more than chance, "
             f"and the driver's residual holds nothing of the inputs ({states}).{tail}"
@@ -200,9 +201,8 @@ def _places(finding: Finding) -> list[str]:
 
 
 def _choice(finding: Finding) -> str:
-    if not finding.rivals:
-        return finding.effect
-    return "one of {" + ", ".join((finding.effect, *finding.rivals)) + "}"
+    names = ", ".join(map(readable, (finding.effect, *finding.rivals)))
+    return f"one of {names}" if finding.rivals else names
 
 
 def body(says: str) -> str:

@@ -267,6 +267,8 @@ def _dbc(suffix: str, data: bytes) -> Any:
         raise ParseError("it is a diagnostics file, not a DBC")
     if suffix == ".dbc" and _lost_end(text, loaded):
         return _tolerant(text, ValueError("the file ends within a signal"))
+    if suffix == ".dbc" and _without_selector(text, loaded):
+        return _tolerant(text, ValueError("multiplexed signals of which nothing says what selects them"))
     every = [*loaded.messages, *(part for message in loaded.messages for part in message.contained_messages)]
     if sum(len(message.signals) for message in every) > MAX_SIGNALS:
         raise ParseError(f"it has more than {MAX_SIGNALS:,} signals")
@@ -293,6 +295,28 @@ def _lost_end(text: str, loaded: CantoolsDatabase) -> bool:
     if not last.startswith("SG_"):
         return False
     return not loaded.messages or name_in(last) not in {signal.name for signal in loaded.messages[-1].signals}
+
+
+_PAGED = re.compile(r"(?m)^[ \t]*(?:BO_[ \t]+(\d{1,10})[ \t]|SG_[ \t]+(\S{1,128})[ \t]+m\d+M?[ \t]*:)")
+
+
+def _without_selector(text: str, loaded: CantoolsDatabase) -> bool:
+    """Whether a signal is on a page, and nothing says of which selector: cantools decodes it in every frame.
+
+    So it is where a message has two selectors (m0M) or none, and no SG_MUL_VAL_ says which one is meant.
+    """
+    free = {
+        (message.frame_id | message.is_extended_frame << 31, signal.name)
+        for message in loaded.messages
+        for signal in message.signals
+        if signal.multiplexer_signal is None
+    }
+    id_ = 0
+    for begins, name in _PAGED.findall(text):
+        id_ = int(begins or id_)
+        if name and (id_, name) in free:
+            return True
+    return False
 
 
 def _of_limits(error: BaseException) -> bool:

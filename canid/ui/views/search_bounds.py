@@ -13,7 +13,7 @@ from canid.models.diagnosis.driver import driver_model
 from canid.models.diagnosis.lane import lane_model
 from canid.models.diagnosis.rivals.rival_models import MODELS
 from canid.models.effects import CATALOGUE
-from canid.values.findings import Finding, Fit, Report, Rival
+from canid.values.findings import Finding, Fit, Report, Rival, RivalCause
 from canid.values.identified_model import DRIVER
 from canid.values.text.names import SYMBOLS, readable
 from canid.values.text.numbers import interval, number
@@ -128,8 +128,8 @@ def of_form(form: str, name: str, iv: Interval) -> AtBound | None:
     return at_bound(iv.value, driver_model.LOW[k], driver_model.HIGH[k], FORM[FORM_NAMES[name]])
 
 
-def of_finding(finding: Finding) -> dict[str, AtBound]:
-    """Of a finding's parameters."""
+def of_finding(finding: Finding | RivalCause) -> dict[str, AtBound]:
+    """Of the parameters of a finding or rival."""
     by = {effect.id: effect for effect in CATALOGUE}
     parameters = by[finding.effect].parameters if finding.effect in by else ()
     units = finding.units

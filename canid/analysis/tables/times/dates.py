@@ -39,6 +39,11 @@ _USUAL = (
 _SINCE = re.compile(r"\+?(\d{1,5}) days?,? (.+)")
 _DAY_NS = 86_400 * NS_PER_S
 _EPOCH = date(1970, 1, 1).toordinal()
+# which of its three numbers may be first
+_ORDERS = ("day", "month", "year")
+# of several years that a date may have, one of these is taken: few buses had a radar before, and none of the later ones
+# has come yet. A fixed end and no clock: the same file is read alike for ever
+_USUAL_YEARS = 2010, 2030
 
 
 class Dates(NamedTuple):
@@ -61,28 +66,46 @@ def of_texts(texts: Sequence[str]) -> Dates:
         [1785949023.0, 1785956223.125]
     """
     cells = [_WRITTEN.fullmatch(_usual(text)) for text in texts]
-    day_first, month_first = ([_ns(cell, day_first=each) for cell in cells] for each in (True, False))
-    example = next(
-        (text.strip() for text, a, b in zip(texts, day_first, month_first, strict=True) if a != b), None
-    )
-    if example is None:
-        return Dates(day_first, "")
-    says = f'dates as "{example}":'
-    for chosen, other, name in ((day_first, month_first, "day"), (month_first, day_first, "month")):
-        if chosen.count(None) < other.count(None):
-            shown = next(k for k in range(len(texts)) if chosen[k] is not None and other[k] is None)
-            return Dates(chosen, f'{says} {name} first, as "{texts[shown].strip()}" shows')
-    for chosen, other, name in ((day_first, month_first, "day"), (month_first, day_first, "month")):
-        if _span(chosen) < _span(other):
-            days = (_span(other) - _span(chosen)) // _DAY_NS + 1
-            return Dates(chosen, f"{says} {name} first, as otherwise the rows would be {days} days apart")
+    readings = {order: [_ns(cell, order) for cell in cells] for order in _ORDERS}
+    readings = {
+        order: ns for order, ns in readings.items() if order == "day" or ns != readings["day"]
+    }  # of four digits the year is at one end
+    first = next((k for k, read in enumerate(zip(*readings.values(), strict=True)) if len({*read}) > 1), None)
+    if first is None:
+        return Dates(readings["day"], "")
+    example = texts[first].strip()
+    holes = {order: ns.count(None) for order, ns in readings.items()}
+    possible = [order for order in readings if holes[order] == min(holes.values())]
+    spans = {order: _span(readings[order]) for order in possible}
+    left = [order for order in possible if spans[order] == min(spans.values())]
     # with points the day is first; the clock of twelve hours is that of the USA
     american = "." not in example.split()[0] and example.lower().rstrip(".").endswith("m")
-    name = "month" if american else "day"
-    return Dates(
-        month_first if american else day_first,
-        f"{says} {name} taken to be first, which no row shows; times since the first row do not depend on it",
-    )
+    left.sort(key=lambda order: (not _in_usual_years(readings[order][first]), american and order == "day"))
+    taken, *others = left
+    ns, says = readings[taken], f'dates as "{example}": {taken}'
+    if others:
+        other = ", ".join(f"{order} first: {_day(readings[order][first])}" for order in others)
+        says += (
+            f" taken to be first, which no row shows ({other}); times since the first row do not depend on it"
+        )
+    elif len(possible) > 1:
+        days = (sorted(spans.values())[1] - spans[taken]) // _DAY_NS + 1
+        says += f" first, as otherwise the rows would be {days} days apart"
+    else:
+        rest = [ns for order, ns in readings.items() if order != taken]
+        shown = [k for k in range(len(texts)) if ns[k] is not None and all(read[k] is None for read in rest)]
+        says += (
+            f' first, as "{texts[shown[0]].strip()}" shows' if shown else " first, as all rows together show"
+        )
+    return Dates(ns, says)
+
+
+def _in_usual_years(ns: int | None) -> bool:
+    return ns is not None and _USUAL_YEARS[0] <= int(_day(ns)[:4]) <= _USUAL_YEARS[1]
+
+
+def _day(ns: int | None) -> str:
+    return "none" if ns is None else date.fromordinal(_EPOCH + ns // _DAY_NS).isoformat()
 
 
 def _usual(text: str) -> str:
@@ -108,7 +131,8 @@ def _span(ns: Sequence[int | None]) -> int:
     return max(known) - min(known)
 
 
-def _ns(cell: re.Match[str] | None, *, day_first: bool) -> int | None:
+def _ns(cell: re.Match[str] | None, order: str) -> int | None:
+    """Nanoseconds since 1970 of a date whose first number is the day, the month or the year, where it may be either."""
     if cell is None:
         return None
     if cell["year"] is not None:
@@ -116,12 +140,13 @@ def _ns(cell: re.Match[str] | None, *, day_first: bool) -> int | None:
     elif cell["name"] is not None:
         year, month, day = int(cell["long"]), _month(cell["name"]), int(cell["named"])
     else:
-        year = int(cell["short"]) + (2000 if len(cell["short"]) == 2 else 0)
-        first, second = cell["first"], cell["second"]
-        if not second.isdecimal():
-            month, day = _month(second), int(first)
-        else:
-            month, day = (int(second), int(first)) if day_first else (int(first), int(second))
+        first, second, last = cell["first"], cell["second"], cell["short"]
+        if order == "year" and len(first) == len(last) == 2:
+            first, last = last, first
+        elif order == "month" and second.isdecimal():
+            first, second = second, first
+        year, day = int(last) + (2000 if len(last) == 2 else 0), int(first)
+        month = int(second) if second.isdecimal() else _month(second)
     try:
         days = date(year, month, day).toordinal() - _EPOCH
     except ValueError:

@@ -42,10 +42,12 @@ def interval(value: float, sd: float, low: float = -np.inf, high: float = np.inf
     return Interval(float(value), float(max(value - SIGMAS * sd, low)), float(min(value + SIGMAS * sd, high)))
 
 
-def parameters(solved: FittedDriver, data: DriverData) -> dict[str, dict[str, Interval]]:
-    """Intervals of every cause's parameters: effect id -> name -> interval."""
+def parameters(solved: FittedDriver, data: DriverData, only: str = "") -> dict[str, dict[str, Interval]]:
+    """Intervals of the causes' parameters: effect id -> name -> interval; `only`: of this effect."""
     estimates: dict[str, dict[str, Interval]] = {}
     for effect, where in zip(solved.model.effects, solved.model.where, strict=True):
+        if only and effect.id != only:
+            continue
         by = GAINS_WIDER if effect.dead_time is None else DELAYS_WIDER
         by = max(by, CAUSES_WIDER) if math.isfinite(solved.noise.freedom) else by
         intervals = of_effect(data, solved, effect, by)

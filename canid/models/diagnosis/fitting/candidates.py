@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Generic, NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Generic, NamedTuple
 
 import numpy as np
 from scipy.linalg import qr
@@ -14,7 +14,8 @@ from canid.models.diagnosis.fitting.model import Columns, place
 from canid.models.diagnosis.fitting.search import RIVAL, Named, Step
 from canid.models.diagnosis.fitting.uncertainty import inflation, needed
 from canid.models.effects.effect import Effect, Kind
-from canid.values.types import Array
+from canid.values.findings import RivalCause
+from canid.values.types import Array, Interval
 
 # a candidate whose direction explains less than this is not fitted: a full fit finds a little more than its
 # direction at an initial guess, but not four times as much
@@ -171,12 +172,33 @@ def with_rivals(
     left = kept.without.get(cause.effect.id) or dropped(data, solved, cause.effect.id)
     bound = {step.effect.id: step.needed for step in steps}
     # a cause with more to choose must explain as much more as that finds by chance
-    close = [
-        c.effect.id
+    close = {
+        c.effect.id: c.solved
         for c in swaps(worth, left)
         if c.solved.deviance - solved.deviance < RIVAL + max(cause.needed - bound[c.effect.id], 0.0)
-    ]
-    return cause._replace(rivals=tuple(dict.fromkeys([*cause.effect.rivals, *close])))
+    }
+    return cause._replace(rivals=tuple(dict.fromkeys([*cause.effect.rivals, *close])), in_place=close)
+
+
+def rival_causes(
+    cause: Named,
+    parameters: Callable[[FittedModel[Any], Effect], Mapping[str, Interval]],
+    in_unit: Callable[[str], str] = str,
+) -> tuple[RivalCause, ...]:
+    """Sizes of the rivals of a cause that were fitted in its place.
+
+    Args:
+        cause: with its rivals.
+        parameters: model, one of its effects -> name -> interval.
+        in_unit: puts the output's unit into a text.
+    """
+    each = []
+    for rival in cause.rivals:
+        for effect in cause.in_place[rival].model.effects if rival in cause.in_place else ():
+            if effect.id == rival:
+                units = {p.name: in_unit(p.unit) for p in effect.parameters}
+                each.append(RivalCause(rival, parameters(cause.in_place[rival], effect), units))
+    return tuple(each)
 
 
 def at_bound(candidate: Candidate[M]) -> bool:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from canid.models.diagnosis.fitting.fitted_model import FittedModel
 from canid.models.effects.effect import Effect
 from canid.values.types import Interval
 
@@ -31,6 +32,8 @@ class Named(NamedTuple):
         None  # of its one parameter, where that is not fitted (a random walk's size, a ceiling)
     )
     level: float = np.nan
+    # of the rivals those that were fitted: id -> the model with it in place of this effect
+    in_place: Mapping[str, FittedModel[Any]] = {}
 
 
 class Step(NamedTuple):

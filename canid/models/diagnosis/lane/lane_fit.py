@@ -69,9 +69,10 @@ def answered(data: LaneData, fitted: FittedLane) -> bool:
 WIDER = 1.6
 
 
-def parameters(solved: FittedLane, data: LaneData) -> dict[str, dict[str, Interval]]:
-    """Intervals of every cause's parameters: effect id -> name -> interval."""
-    return {effect.id: of_effect(data, solved, effect, WIDER) for effect in solved.model.effects}
+def parameters(solved: FittedLane, data: LaneData, only: str = "") -> dict[str, dict[str, Interval]]:
+    """Intervals of the causes' parameters: effect id -> name -> interval; `only`: of this effect."""
+    effects = (effect for effect in solved.model.effects if only in ("", effect.id))
+    return {effect.id: of_effect(data, solved, effect, WIDER) for effect in effects}
 
 
 def channels(solved: FittedLane, data: LaneData) -> dict[str, Channel]:

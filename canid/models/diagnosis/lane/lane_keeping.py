@@ -134,6 +134,7 @@ def assess(searched: Searched) -> Assessed:
             held,
             gained,
             confirmed.log_scores[cause.effect.id],
+            lambda rival, effect: lane_fit.parameters(rival, search.data, effect.id)[effect.id],
         )
         for cause in search.named
     )

@@ -53,6 +53,7 @@ from canid.models.diagnosis.lane.lane_model import (
 )
 from canid.models.effects.effect import Detector, DriveFeatures, Effect, Kind
 from canid.values.findings import NotTestable
+from canid.values.text.names import readable
 from canid.values.types import Array
 
 LaneCandidate = Candidate[LaneModel]
@@ -252,7 +253,7 @@ def undecided(effects: tuple[Effect, ...], evidence: dict[str, float], named: se
         tail = f"; what would decide: {effect.decides}" if effect.decides else ""
         bound = needed(len(effect.parameters), len(effects))
         if effect.id not in evidence:
-            why = effect.absorbed or f"{', '.join(effect.needs)} is not measured"
+            why = effect.absorbed or f"{', '.join(map(readable, effect.needs))} is not measured"
             out.append(NotTestable((effect.id,), why + tail))
         elif evidence[effect.id] < bound:
             at = ", ".join(f"{p.name} {p.typical:.2g} {p.unit}".removesuffix(" 1") for p in effect.parameters)

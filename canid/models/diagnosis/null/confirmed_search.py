@@ -28,6 +28,7 @@ from canid.models.diagnosis.null import predictive_score, sequential
 from canid.models.diagnosis.null.sequential import Gone, Statistics
 from canid.models.effects.effect import Effect, Kind
 from canid.values.findings import NullGain
+from canid.values.text.names import readable
 from canid.values.types import Interval
 
 # times the needed evidence; above it no false cause was ever seen
@@ -62,7 +63,7 @@ def cross_validated(
                 _weakest(search),
                 "simulation and one-step predictions of held-out data gain nothing",
             )
-        refused.append(f"{chance} dropped: {why}")
+        refused.append(f"{readable(chance)} dropped: {why}")
         effects = tuple(effect for effect in effects if effect.id != chance)
 
 
@@ -167,7 +168,7 @@ def search_causes(
         if gone is None:
             return Confirmed(search, tuple(refused), folds, gain, null_gain, whole, each)
         withdrawn, why = gone
-        refused.append(f"{withdrawn.effect.id} withdrawn: {why}")
+        refused.append(f"{readable(withdrawn.effect.id)} withdrawn: {why}")
         # a rival is another law of the same data: it is named and judged by itself
         effects = tuple(effect for effect in effects if effect.id != withdrawn.effect.id)
 

@@ -16,6 +16,7 @@ from canid.models.diagnosis.remnant.innovations import Innovations
 from canid.models.diagnosis.remnant.log_score import HeldOut
 from canid.models.effects.effect import DriveFeatures, Effect, ScaleFeature
 from canid.values.findings import Blocked, Finding, Tried
+from canid.values.text.names import readable
 from canid.values.text.numbers import number
 from canid.values.types import NAN, Interval
 
@@ -97,7 +98,7 @@ def diagnose_remnant(
     law = law_search.fitted(innovations, kept, innovations.rows).law if kept else None
     says = described(kept, intervals, held.law)
     state = "wrong" if kept else "adequate"
-    steps = tuple(f"{f.effect} in the remnant: evidence {f.evidence:.0f}" for f in findings)
+    steps = tuple(f"{readable(f.effect)} in the remnant: evidence {f.evidence:.0f}" for f in findings)
     return RemnantReport(findings, Blocked(WHERE, state, says), rows, law, steps)
 
 

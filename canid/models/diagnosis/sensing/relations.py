@@ -177,7 +177,7 @@ def speed_against_gnss(columns: SensorColumns) -> tuple[Related, ...]:
     """Ratio of the own speed to the speed by GNSS."""
     relation, tolerance = Relation.SPEED, TOLERANCE[Relation.SPEED]
     if columns.gnss_speed is None:
-        return (_unmade(relation, "gains and headway take it up, and no gnss_speed is mapped"),)
+        return (_unmade(relation, "gains and headway take it up, and no `gnss_speed` is mapped"),)
     satellite, m = columns.gnss_speed, round(AVERAGING_S / columns.dt)
     good = columns.valid & np.isfinite(columns.speed) & np.isfinite(satellite) & (columns.speed > CREEP_SPEED)
     whole = good[: good.size // m * m].reshape(-1, m).all(axis=1)
@@ -191,7 +191,7 @@ def speed_against_gnss(columns: SensorColumns) -> tuple[Related, ...]:
 
     fit = uncertainty.jackknife(ratio, block) if own_speed.size else None
     if fit is None:
-        why = f"speed and gnss_speed are there together for {own_speed.size * AVERAGING_S:.0f} s only; drive 3 min or more"
+        why = f"speed and GNSS speed are there together for {own_speed.size * AVERAGING_S:.0f} s only; drive 3 min or more"
         return (_unmade(relation, why),)
     value, sd = float(fit.value[0]), float(fit.sd[0])
     left = float(np.sqrt(np.mean((own_speed - value * true) ** 2)))

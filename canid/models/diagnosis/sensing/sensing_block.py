@@ -16,7 +16,7 @@ from canid.models.diagnosis.sensing.relations import RELATIONS, Related, SensorC
 from canid.models.effects import CATALOGUE
 from canid.models.effects.effect import Effect
 from canid.models.effects.redundancy import Pattern, Relation
-from canid.values.findings import Blocked, Check, Finding, NotTestable
+from canid.values.findings import Blocked, Check, Finding, NotTestable, RivalCause
 from canid.values.text.numbers import interval
 from canid.values.types import Interval, Trace
 
@@ -127,10 +127,19 @@ def _findings(related: Related, pairs: Sequence[Pair], effects: tuple[Effect, ..
     for k, (effect, pattern) in enumerate(pairs):
         if (effect, pattern) in either[1:]:
             continue
-        others = tuple(other.id for other, _ in either[1:]) if (effect, pattern) in either else ()
-        rivals = (*_of_relations(effects, related.confounded), *others)
-        out.append(_finding(effect, pattern, related, related.gain if k == 0 else Interval(), rivals))
+        others = either[1:] if (effect, pattern) in either else []
+        rivals = (*_of_relations(effects, related.confounded), *(other.id for other, _ in others))
+        sizes = tuple(
+            RivalCause(other.id, _estimates(other, seen), {p.name: p.unit for p in other.parameters})
+            for other, seen in others
+        )
+        stated = _finding(effect, pattern, related, related.gain if k == 0 else Interval(), rivals)
+        out.append(stated._replace(rival_causes=sizes))
     return out
+
+
+def _estimates(effect: Effect, pattern: Pattern) -> dict[str, Interval]:
+    return {p.name: iv for p, iv in zip(effect.parameters, pattern.parameters, strict=True)}
 
 
 def _of_relations(effects: Iterable[Effect], relations: tuple[Relation, ...]) -> tuple[str, ...]:
@@ -140,8 +149,7 @@ def _of_relations(effects: Iterable[Effect], relations: tuple[Relation, ...]) ->
 def _finding(
     effect: Effect, pattern: Pattern, related: Related, gain: Interval, rivals: tuple[str, ...]
 ) -> Finding:
-    estimates = {p.name: iv for p, iv in zip(effect.parameters, pattern.parameters, strict=True)}
-    says = effect.says
+    estimates, says = _estimates(effect, pattern), effect.says
     for name, iv in estimates.items():
         says = says.replace("{" + name + "}", interval(iv))
     return Finding(

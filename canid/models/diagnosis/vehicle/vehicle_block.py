@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from canid.mathematics.identification.confidence import SIGMAS
 from canid.models.diagnosis.driver.held_out import FOLD_BLOCK_S, FOLDS, gain
-from canid.models.diagnosis.fitting.candidates import direction, model_directions
+from canid.models.diagnosis.fitting.candidates import direction, model_directions, rival_causes
 from canid.models.diagnosis.fitting.fitted_model import dropped, extended, solve, without_parameters
 from canid.models.diagnosis.fitting.likelihood import whitened
 from canid.models.diagnosis.fitting.model import place
@@ -155,6 +156,7 @@ def _finding(named: Named, search: VehicleSearch, data: VehicleData, *, passed: 
         effect=effect.id, where=effect.where, rivals=named.rivals, surrogate=not passed, parameters=estimates,
         units={p.name: p.unit for p in effect.parameters}, gain=_gain(named, search, data), says=says,
         evidence=named.evidence, needed=named.needed,
+        rival_causes=rival_causes(named, partial(of_effect, data)),
     )  # fmt: skip
 
 

@@ -157,9 +157,8 @@ def search_vehicle(data: VehicleData, effects: tuple[Effect, ...], baseline: Fit
         swaps = candidates(tuple(e for e in effects if e.id not in have), data, without)
         margin = max(RIVAL, RIVAL_MARGIN_SHARE * (without.deviance - solved.deviance))
         swaps = sorted(swaps, key=lambda candidate: -candidate.evidence)
-        close = tuple(
-            candidate.effect.id for candidate in swaps if candidate.solved.deviance - solved.deviance < margin
-        )
+        close = {c.effect.id: c.solved for c in swaps if c.solved.deviance - solved.deviance < margin}
         rivals = tuple(r for r in dict.fromkeys((*effect.rivals, *close)) if r not in have)
-        named.append(Named(effect, kept.evidence[effect.id], needed(len(effect.parameters), m), rivals))
+        bound = needed(len(effect.parameters), m)
+        named.append(Named(effect, kept.evidence[effect.id], bound, rivals, in_place=close))
     return VehicleSearch(baseline, solved, tuple(named), steps)

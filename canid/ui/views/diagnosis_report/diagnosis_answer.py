@@ -99,7 +99,7 @@ def certainty(report: Report) -> list[str]:
     """How sure each cause is: the evidence, and what chance would have reached."""
     return [
         f"{readable(finding.effect)}: evidence {number(finding.evidence)}, where chance reaches {number(finding.needed)}"
-        f"{'; or ' + ' or '.join(map(readable, finding.rivals)) if finding.rivals else ''}"
+        f"{'; or ' + ' or '.join(parts.rivals(finding)) if finding.rivals else ''}"
         for finding in report.findings
     ]
 

@@ -20,7 +20,7 @@ from canid.ui.views.notebook.channel_rows import channel_table
 from canid.ui.views.notebook.fragment import ACCENT, SECOND, chart, charted, fragment
 from canid.values.findings import Check, Report, Verdict, duration, extends, used_time
 from canid.values.text.names import capitalised, either, parameter, readable
-from canid.values.text.numbers import number, percent, role_unit, time_range
+from canid.values.text.numbers import chance, number, percent, role_unit, time_range
 
 TITLES = {
     Verdict.ADEQUATE: "The simulation is adequate",
@@ -128,9 +128,7 @@ def _all(listing: doc.Listing) -> doc.Fold | None:
 
 
 def _verdict(report: Report) -> list[doc.Block]:
-    findings: list[doc.Block] = [
-        diagnosis_text.finding_block(finding, report, readable) for finding in report.findings
-    ]
+    findings: list[doc.Block] = [diagnosis_text.finding_block(each, report) for each in report.findings]
     adequate = report.verdict is Verdict.ADEQUATE
     as_far = (
         ": the models of driver, vehicle and sensors are adequate as far as this drive can show" * adequate
@@ -184,8 +182,8 @@ def _tried(report: Report) -> doc.Fold | str:
 def _undecided(report: Report) -> list[doc.Block]:
     nothing = "Nothing: all candidates could be tested." if report.tried else "Nothing was tested."
     return [
-        _all(diagnosis_text.undecided(report, readable)) or nothing,
-        _all(diagnosis_text.visible(report, readable)),
+        _all(diagnosis_text.undecided(report)) or nothing,
+        _all(diagnosis_text.visible(report)),
         doc.Listing(parts.advice(report), "a drive that would decide"),
     ]
 
@@ -219,7 +217,7 @@ def _driver(report: Report) -> list[doc.Block]:
         ),
         None if parts.known_parameters(report) else nothing or "No parameter could be estimated.",
         final._replace(items=[*final.items, drive_it]) if final.items else None,
-        diagnosis_text.drives(report, readable),
+        diagnosis_text.drives(report),
     ]
 
 
@@ -289,7 +287,9 @@ def _checked(checks: Sequence[Check], title: str, limits: tuple[str, str]) -> li
         (
             readable(check.name),
             "– not possible" if check.passed is None else "✓ passed" if check.passed else "✗ failed",
-            number(check.value, check.unit),
+            chance(check.value, 2)
+            if check.gate and check.passed is not None
+            else number(check.value, check.unit),
             number(check.limit, check.unit),
             check.says,
         )

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from canid.mathematics.identification import identifiability
 from canid.models.diagnosis.rivals.recommendation import CANID
+from canid.models.effects import CATALOGUE
 from canid.ui.views import closed_loop, search_bounds
-from canid.values.findings import Blocked, ClosedLoopError, Finding, NullGain, Report, nrmse, step
+from canid.values.findings import Blocked, ClosedLoopError, Finding, NullGain, Report, RivalCause, nrmse, step
 from canid.values.text.names import SYMBOLS, parameter, readable
 from canid.values.text.numbers import decimals, gain_unit, interval, number, percent, role_unit
 from canid.values.types import Interval
@@ -31,8 +32,8 @@ def sentence(report: Report) -> str:
 
     Example:
         >>> from types import SimpleNamespace
-        >>> sentence(SimpleNamespace(says="ONE OF: {a, b}.", findings=()))
-        '{a, b}.'
+        >>> sentence(SimpleNamespace(says="ONE OF: one of a, b.", findings=()))
+        'one of a, b.'
     """
     return without_verdict(search_bounds.without_intervals(report.says, report))
 
@@ -76,8 +77,24 @@ def form(report: Report) -> list[str]:
     return [f"baseline: {wanted_gap.says}{': ' if values else ''}{', '.join(values)}"]
 
 
-def finding_parameters(finding: Finding) -> list[str]:
-    """Parameters of a cause, with interval and unit, or at which bound they are."""
+def rivals(finding: Finding) -> list[str]:
+    """What explains the data as well as a cause, with its size where it was fitted."""
+    sizes = {each.effect: ", ".join(finding_parameters(each)) for each in finding.rival_causes}
+    return [
+        f"{readable(rival)} ({sizes[rival]})" if sizes.get(rival) else readable(rival)
+        for rival in finding.rivals
+    ]
+
+
+def would_decide(finding: Finding) -> str:
+    """Which drive or signal distinguishes a cause from its rivals; "": it has none, or nothing is known to."""
+    by = {effect.id: effect.decides for effect in CATALOGUE}
+    names = (finding.effect, *finding.rivals) if finding.rivals else ()
+    return "; or ".join(dict.fromkeys(by[name] for name in names if by.get(name)))
+
+
+def finding_parameters(finding: Finding | RivalCause) -> list[str]:
+    """Parameters of a cause or rival, with interval and unit, or at which bound they are."""
     at = search_bounds.of_finding(finding)
     return [
         f"{readable(name)} {search_bounds.text(iv, finding.units.get(name, ''), at.get(name))}"
@@ -140,7 +157,7 @@ def gains(judged: Finding | Report) -> list[str]:
 
 def null_gain(null: NullGain) -> str:
     """Gain of the simulation that the same effects have without being there."""
-    return f"null {number(100 * null.median, '%')}, 95 % point {number(100 * null.high, '%')}"
+    return f"null {number(100 * null.median, '%', digits=2)}, 95 % point {number(100 * null.high, '%', digits=2)}"
 
 
 def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:
@@ -156,8 +173,8 @@ def known_parameters(report: Report) -> dict[str, tuple[Interval, Interval]]:
 
 
 def advice(report: Report) -> list[str]:
-    """What to drive, without what the reasons of `not_testable` contain already."""
-    reasons = " ".join(entry.why for entry in report.not_testable)
+    """What to drive, without what reasons and rivals contain already."""
+    reasons = " ".join([*(entry.why for entry in report.not_testable), *map(would_decide, report.findings)])
     return [line for line in report.advice if line.partition(": ")[2] not in reasons or ": " not in line]
 
 

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from canid.ui.views import closed_loop, search_bounds, signal_text
 from canid.ui.views.diagnosis_report import diagnosis_parts as parts
+from canid.ui.views.document import terms
 from canid.ui.views.document.document import Block, Cell, Listing, Table, chosen
 from canid.ui.views.document.document_text import lines
 from canid.values.findings import Check, Finding, Report, Trajectory, duration, extends, masked_for, used_time
 from canid.values.text.model_equation import equation
-from canid.values.text.names import capitalised, parameter, readable
-from canid.values.text.numbers import fit_text, gain_unit, interval, number, percent, role_unit, time_range
+from canid.values.text.names import capitalised, either, parameter, readable
+from canid.values.text.numbers import (
+    chance,
+    fit_text,
+    gain_unit,
+    interval,
+    number,
+    percent,
+    role_unit,
+    time_range,
+)
 
 # lines of one kind that a terminal shows; the page and the JSON have all
 WORST_SHOWN = 3
@@ -40,7 +50,10 @@ def text(report: Report, log: str = "", vehicle: str = "", width: int | None = N
         *(finding_block(finding, report) for finding in report.findings),
         loop_blocks(report),
         Listing(
-            [f"{effect}: {number(seconds, 's')}" for effect, seconds in masked_for(report.masked).items()],
+            [
+                f"{readable(effect)}: {number(seconds, 's')}"
+                for effect, seconds in masked_for(report.masked).items()
+            ],
             "masked before the fit: not the driver's response",
         ),
         unexplained(report),
@@ -56,7 +69,7 @@ def text(report: Report, log: str = "", vehicle: str = "", width: int | None = N
         closed_loops(report),
         rivals(report),
     ]
-    return lines(blocks, width)
+    return lines([*blocks, Listing(terms.used(lines(blocks)), "terms")], width)
 
 
 def about(report: Report, log: str = "", vehicle: str = "") -> str:
@@ -81,11 +94,8 @@ def fit(report: Report) -> list[str]:
     return [f"fit of the simulation {fit_text(before)}{further}; {report.candidates_tried} causes tried"]
 
 
-def finding_block(finding: Finding, report: Report, name: Callable[[str], str] = str) -> Listing:
-    """A cause: what it is, its evidence, its parameters, when it was there, and what explains the data as well.
-
-    `name`: how effects are named.
-    """
+def finding_block(finding: Finding, report: Report) -> Listing:
+    """A cause: what it is, its evidence, its parameters, when it was there, and what explains the data as well."""
     helps = "it helps, but is not the cause" if finding.gain.value > 0 else "not the cause"
     values = parts.finding_parameters(finding)
     evidence = f"evidence {number(finding.evidence)} (needed {number(finding.needed)})"
@@ -94,11 +104,18 @@ def finding_block(finding: Finding, report: Report, name: Callable[[str], str] =
         f"{evidence}, gain {parts.gain(finding)} on held-out data",
         *([", ".join(values)] if values else []),
         *([_episodes(finding)] if finding.episodes else []),
-        f"rivals: {', '.join(map(name, finding.rivals)) or 'none'}",
+        *rivals_of(finding),
     ]
     return Listing(
-        items, f"{name(finding.effect)} ({finding.where}{f', surrogate: {helps}' * finding.surrogate})"
+        items, f"{readable(finding.effect)} ({finding.where}{f', surrogate: {helps}' * finding.surrogate})"
     )
+
+
+def rivals_of(finding: Finding) -> list[str]:
+    """What explains the data as well as a cause, how large it would be, and what would decide between them."""
+    decides = parts.would_decide(finding)
+    said = [f"rivals: {', '.join(parts.rivals(finding)) or 'none'}"]
+    return [*said, f"what would decide between them: {decides}"] if decides else said
 
 
 def _episodes(finding: Finding) -> str:
@@ -123,29 +140,29 @@ def unexplained(report: Report) -> str:
     return f"share of the residual that no cause explains: {percent(report.unexplained)}" if known else ""
 
 
-def undecided(report: Report, name: Callable[[str], str] = str) -> Listing:
+def undecided(report: Report) -> Listing:
     """One line per reason; causes with the same reason share it."""
     by_reason: dict[str, list[str]] = {}
     for entry in report.not_testable:
-        by_reason.setdefault(entry.why, []).append(" or ".join(map(name, entry.effects)))
+        by_reason.setdefault(entry.why, []).append(either(entry.effects))
     each = [f"{', '.join(names)}: {why}" for why, names in by_reason.items()]
     return Listing(each, "not testable on this drive")
 
 
-def visible(report: Report, name: Callable[[str], str] = str) -> Listing:
+def visible(report: Report) -> Listing:
     """What the drive could have shown, and what else could bias K of range rate; those that bias it most first."""
     each = []
     for entry in report.visible:
         unit, bends = "" if entry.unit == "1" else entry.unit, number(100 * abs(entry.bends), "%", digits=2)
         if math.isfinite(entry.strength):
             least = number(entry.strength, unit, digits=2)
-            seen = f"{name(entry.effect)} from {entry.parameter} {least} on"
+            seen = f"{readable(entry.effect)} from {entry.parameter} {least} on"
             then = f"; a weaker one biases K of range rate by up to {bends}"
         else:
-            seen = f"{name(entry.effect)}: at no {entry.parameter} up to eight times the typical one"
+            seen = f"{readable(entry.effect)}: no {entry.parameter} up to eight times the typical one"
             then = f", which would bias K of range rate by {bends}"
         each.append(f"{seen}{then if math.isfinite(entry.bends) else ''}")
-    return Listing(each, "would have shown, nine times out of ten")
+    return Listing(each, "strength from which on a cause would have shown, nine times out of ten")
 
 
 def _parameters(report: Report) -> Table:
@@ -159,11 +176,11 @@ def _parameters(report: Report) -> Table:
     return Table([""] * (2 + extended), rows, title)
 
 
-def drives(report: Report, name: Callable[[str], str] = str) -> Listing:
+def drives(report: Report) -> Listing:
     """What each of several drives says of the findings, and of the driver."""
     each = []
     for drive in report.drives:
-        gains = [f"{name(effect)} {interval(iv, 'nats/min')}" for effect, iv in drive.gains.items()]
+        gains = [f"{readable(effect)} {interval(iv, 'nats/min')}" for effect, iv in drive.gains.items()]
         responses = [
             f"K of {readable(role)} {interval(channel.K, gain_unit(report.output, role))}, "
             f"τ+θ {interval(channel.tau_plus_dead_time, 's')}"
@@ -200,9 +217,9 @@ def _checks(report: Report) -> list[Block]:
 
 
 def _against(c: Check) -> str:
-    """Value and limit; of an adequacy test its p-value, which fails below the limit."""
+    """Value and limit; an adequacy test fails where its p-value is below the limit."""
     value, limit = number(c.value, c.unit), number(c.limit, c.unit)
-    return f"p {value}, fails below {limit}" if c.gate else f"{value}, limit {limit}"
+    return f"p-value {chance(c.value)}, fails below {limit}" if c.gate else f"{value}, limit {limit}"
 
 
 def worst(report: Report) -> Listing:

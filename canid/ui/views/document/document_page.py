@@ -9,6 +9,7 @@ from markupsafe import Markup
 from canid.ui.views.document.document import Block, Cell, Document, Fold, without_empty
 from canid.ui.views.document.document_text import WHOLE_NUMBER
 from canid.ui.views.document.templates import code, environment, file_text
+from canid.ui.views.document.terms import TermLinks
 from canid.ui.views.drawing.figure import Figure, script
 from canid.ui.views.drawing.plotly_package import plotly_script
 
@@ -32,9 +33,12 @@ def page(document: Document) -> str:
     drawn = list(_figures(document))
     plotly = plotly_script() if drawn else None
     templates = environment()
-    templates.filters.update(marked=marked, spoken=spoken, without_empty=without_empty)
+    terms = TermLinks()
+    templates.filters.update(marked=marked, without_empty=without_empty, termed=terms.linked)
+    templates.filters.update(spoken=lambda text: terms.linked(spoken(text)))
     return templates.get_template("document/document.html.j2").render(
         of=document,
+        terms=terms,
         p=document.source.provenance,
         plotly=plotly,
         drawn=drawn,

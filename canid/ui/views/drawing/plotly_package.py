@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import zlib
+from base64 import b64encode
+from functools import cache
 from html import escape
 from importlib import import_module
 from importlib.util import find_spec
@@ -28,9 +31,21 @@ def plotly_file() -> Path | None:
 
 
 def plotly_script() -> Markup | None:
-    """plotly.js as a part of a page; None without the package."""
+    """plotly.js, packed, and the script that unpacks and runs it, as elements of a page; None without the package."""
     file = plotly_file()
-    return None if file is None else Markup(file.read_text(encoding="utf-8"))
+    if file is None:
+        return None
+    inflate = Markup(Path(__file__).with_name("inflate.js").read_text(encoding="utf-8"))
+    return Markup(
+        '<script type="text/plain" id="plotly" data-bytes="{}">{}</script>\n<script>{}</script>'
+    ).format(file.stat().st_size, _packed(file), inflate)
+
+
+@cache
+def _packed(file: Path) -> str:
+    """A file as raw DEFLATE in base64."""
+    packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)
+    return b64encode(packer.compress(file.read_bytes()) + packer.flush()).decode()
 
 
 def plotly_figure(drawn: Figure | None, title: str) -> Any:
