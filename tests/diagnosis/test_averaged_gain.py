@@ -11,6 +11,7 @@ from canid.signals.samples.trace_assembly import part
 from canid.values.types import Trace
 from tests import seeds
 from tests.plants import plant_one, plant_two
+from tests.plants.lane_drives import SIMULATORS, LaneDrive, make
 from tests.plants.measurement import trace
 
 
@@ -47,3 +48,13 @@ def test_a_clean_drive_keeps_its_gains(seed: int) -> None:
 def test_too_short_a_drive_shows_no_cause() -> None:
     given, _ = drive(5, {"looming_gain": {"exponent": 1.0}}, 0)
     assert averaged_gain.shown(part(given, slice(0, round(60.0 / given.dt)))) == ()
+
+
+def test_in_the_lane_as_well(seed: int) -> None:
+    """A driver who lets the car move within a zone steers the less the wider it is."""
+    made = make(LaneDrive(SIMULATORS[seed % 2], "lateral_dead_zone", seed))
+    result = whole_drive(made.trace).whole["armax"]
+    assert result is not None
+    channel = result.channels["lateral_offset"]
+    assert abs(channel.K.low) < abs(made.gain)
+    assert not quotable(channel, "K")

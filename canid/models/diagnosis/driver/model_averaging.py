@@ -22,9 +22,11 @@ from canid.models.diagnosis.driver.driver_candidates import DriverCandidate
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
 from canid.models.diagnosis.driver.driver_model import BASE
+from canid.models.diagnosis.fitting.candidates import Candidate
+from canid.models.diagnosis.fitting.fitted_model import M
 from canid.models.diagnosis.fitting.model import place
 from canid.models.diagnosis.fitting.uncertainty import sandwich
-from canid.models.effects.effect import Effect, Kind
+from canid.models.effects.effect import Effect, Kind, Parameter
 from canid.values.types import Array, Interval
 
 # of an effect against the model without it, before the drive
@@ -73,24 +75,39 @@ def _alternative(candidate: DriverCandidate, data: DriverData) -> Alternative | 
     strength = detectability.strength(candidate.effect)
     if strength is None:
         return None
+    return alternative(candidate, strength, len(BASE), data.output.dt, detectability.typical(strength, data))
+
+
+def alternative(
+    candidate: Candidate[M], strength: Parameter, size: int, dt: float, typical: float
+) -> Alternative | None:
+    """One more effect in a model, weighed; None: its strength is at a bound.
+
+    Args:
+        candidate: fitted in full.
+        strength: the parameter of the effect that says how strong it is.
+        size: parameters of the model that are not those of effects, the first ones.
+        dt: s.
+        typical: standard deviation of the normal prior of the strength.
+    """
     at = place(candidate.solved.model, candidate.effect.id).start + candidate.effect.parameters.index(
         strength
     )
     free = candidate.solved.fitted.free
     if at not in free:
         return None
-    C = np.zeros((len(BASE) + 1, len(BASE) + 1))
-    robust = sandwich(candidate.solved.fitted, data.output.dt).C
-    here = [k for k, q in enumerate((*range(len(BASE)), at)) if q in free]
-    columns = [free.index(q) for q in (*range(len(BASE)), at) if q in free]
+    C = np.zeros((size + 1, size + 1))
+    robust = sandwich(candidate.solved.fitted, dt).C
+    here = [k for k, q in enumerate((*range(size), at)) if q in free]
+    columns = [free.index(q) for q in (*range(size), at) if q in free]
     C[np.ix_(here, here)] = robust[np.ix_(columns, columns)]
     value, variance = float(candidate.solved.q[at]), float(C[-1, -1])
-    prior = detectability.typical(strength, data) ** 2
+    prior = typical**2
     total = variance + prior
     log_odds = 0.5 * (candidate.evidence + np.log(variance / total) - value**2 / total)
     # the strength moves towards 0 by the prior, and the driver's parameters along with it
     slope = C[:-1, -1] / variance
-    mean = candidate.solved.q[: len(BASE)] - slope * value * variance / total
+    mean = candidate.solved.q[:size] - slope * value * variance / total
     covariance = C[:-1, :-1] - np.outer(slope, slope) * variance**2 / total
     return Alternative(candidate.effect.id, PRIOR_ODDS * float(np.exp(min(log_odds, 50.0))), mean, covariance)
 

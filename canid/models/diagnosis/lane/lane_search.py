@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from canid.mathematics.identification import movement_rhythm
-from canid.models.diagnosis.driver import pedal_holds
+from canid.models.diagnosis.driver import detectability, pedal_holds
 from canid.models.diagnosis.driver.driver_candidates import MAX_STARTS
 from canid.models.diagnosis.driver.driver_search import (
     FORM_EVIDENCE_SHARE,
@@ -19,6 +19,7 @@ from canid.models.diagnosis.driver.driver_search import (
     with_curve,
     with_holds,
 )
+from canid.models.diagnosis.driver.model_averaging import Alternative, alternative
 from canid.models.diagnosis.driver.pedal_holds import Holds
 from canid.models.diagnosis.fitting.candidates import (
     MIN_EXPLAINED,
@@ -208,6 +209,22 @@ def largest_margin(data: LaneData, fitted: FittedLane, effects: tuple[Effect, ..
         (candidate.evidence - _needed(candidate, among) for candidate in tried if not at_bound(candidate)),
         default=-math.inf,
     )
+
+
+def alternatives(data: LaneData, fitted: FittedLane, effects: tuple[Effect, ...]) -> tuple[Alternative, ...]:
+    """Models with one effect each, with their odds against the baseline.
+
+    Args:
+        data: the columns.
+        fitted: the baseline.
+        effects: that are tried.
+    """
+    weighed = []
+    for candidate in candidates(searchable(effects, data), data, fitted):
+        # of several, the first is the gain
+        strength = detectability.strength(candidate.effect) or candidate.effect.parameters[0]
+        weighed.append(alternative(candidate, strength, WANTED + 1, data.output.dt, strength.typical or 1.0))
+    return tuple(each for each in weighed if each is not None)
 
 
 def _needed(candidate: LaneCandidate, among: int) -> float:
