@@ -259,7 +259,7 @@ def test_pauses(tmp_path: Path, heading: str, pattern: str, hours: float, hour: 
 
 
 @pytest.mark.parametrize("heading", ["time [s]", "time"])
-@pytest.mark.parametrize("back", [5.0, 40.0])
+@pytest.mark.parametrize("back", [0.8, 1.0, 1.7, 5.0, 40.0])
 def test_a_clock_that_is_set_back_cuts_the_drive(
     tmp_path: Path, heading: str, back: float, seed: int
 ) -> None:
@@ -275,6 +275,46 @@ def test_a_clock_that_is_set_back_cuts_the_drive(
     true = np.array([row[0] for row in rows])
     assert np.abs(t - true - (true >= 100.0) * (t[1000] - 100.0)).max() < 1e-6
     assert t[1000] - t[999] > sampling_grid.MAX_PAUSE_S
+
+
+@pytest.mark.parametrize("seconds", [0.3, 1.0, 1.9])
+def test_rows_that_exchanged_their_places_are_sorted(tmp_path: Path, seconds: float, seed: int) -> None:
+    """A block that stands behind the next one is no clock that is set back by as much."""
+    rows, n = drive(seed), round(seconds / 0.1)
+    order = rows[:1000] + rows[1000 + n : 1000 + 2 * n] + rows[1000 : 1000 + n] + rows[1000 + 2 * n :]
+    table = opened(tmp_path / "x.csv", "time [s]", order, lambda t: f"{t:.3f}")
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    assert any("sorted" in note for note in table.notes)
+
+
+LEAP = {
+    "ISO": ("time", "%Y-%m-%dT%H:%M:%S.%LZ"),
+    "day first": ("time", "%d.%m.%Y %H:%M:%S.%L"),
+    "clock": ("time", "%H:%M:%S.%L"),
+    "two columns": ("Date,Time", "%Y-%m-%d,%H:%M:%S.%L"),
+}
+
+
+@pytest.mark.parametrize("name", LEAP)
+def test_a_leap_second_lasts_a_second(tmp_path: Path, name: str, seed: int) -> None:
+    """Over 23:59:60 the times go on, and it is said; a clock that writes 60 for 59.9996 has none."""
+    heading, pattern = LEAP[name]
+    rows, text = drive(seed, 600), at(pattern, datetime(2016, 12, 31, 23, 59, 30, tzinfo=UTC))
+
+    def sixty(t: float) -> str:
+        return text(t - 1.0).replace(":59.", ":60.")
+
+    plain = frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.3f}"))
+    leap = opened(
+        tmp_path / "x.csv", heading, rows, lambda t: sixty(t) if 30.0 <= t < 31.0 else text(t - (t >= 31.0))
+    )
+    rounded = opened(tmp_path / "z.csv", heading, rows, lambda t: sixty(t) if t == 30.0 else text(t))
+    for table, says in ((leap, True), (rounded, False)):
+        assert frames(table) == plain
+        assert (
+            any("time: a leap second:" in note or "Time: a leap second:" in note for note in table.notes)
+            is says
+        )
 
 
 def test_blocks_and_overlapping_buffers_are_sorted(tmp_path: Path, seed: int) -> None:

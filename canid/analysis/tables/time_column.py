@@ -14,6 +14,7 @@ from canid.analysis.tables.source import EMPTY, NO_NUMBER
 from canid.analysis.tables.times import dates, row_clock
 from canid.signals.samples.clock_wraps import MAX_STEP_S
 from canid.values.errors import ConfigError
+from canid.values.timestamps import NS_PER_S
 from canid.values.types import NAN, Array
 
 # s of one unit
@@ -53,6 +54,8 @@ _INTEGER = re.compile(r"-?\d{1,19}")
 _ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
 # a date and a time of day in digits alone
 _DIGITS = re.compile(r"(?P<date>(?:19|20)\d{6})[_T -]?(?P<time>\d{6}(?:[.,]\d+)?)(?P<zone>Z?)")
+# a leap second: the clock shows a second more
+_LEAP = re.compile(r"\d\d:59:60(?!\d)")
 # doubles hold whole numbers exactly up to here
 EXACT = 2.0**53
 
@@ -233,6 +236,11 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
         raise ConfigError(
             f'{name}: "{first[:40]}" is no time; write seconds, or dates as 2018-08-02T15:34:47.123Z (ISO 8601)'
         )
+    if leap := _behind_leap_second(texts, ns):
+        ns[leap:] = [None if stamp is None else stamp + NS_PER_S for stamp in ns[leap:]]
+        note = "; ".join(
+            filter(None, (note, f"{name}: a leap second: the rows behind 23:59:60 are 1 s later"))
+        )
     zero = next(stamp for stamp in ns if stamp is not None)
     clock = zero < 1e18 and dates.clock_ns(first) is not None
     t = np.array([NAN if stamp is None else (stamp - zero) * 1e-9 for stamp in ns])
@@ -242,6 +250,22 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
         note = f"{name}: {going.says}" if going.says else note
     local = not _INTEGER.fullmatch(first) and _ZONE.fullmatch(first) is None
     return Times(t, None if clock or zero < 1e18 else zero, note, zero * 1e-9, local)
+
+
+def _behind_leap_second(texts: Sequence[str], ns: Sequence[int | None]) -> int:
+    """The first row behind a leap second, in which the clock shows the same second again; 0: there is none.
+
+    Example:
+        >>> _behind_leap_second(["23:59:60.9", "00:00:00.0"], [900_000_000, 0])
+        1
+    """
+    last = next((k for k in reversed(range(len(texts))) if _LEAP.search(texts[k])), -1)
+    behind = next((k for k in range(last + 1, len(texts)) if ns[k] is not None), 0) if last >= 0 else 0
+    before, after = ns[last], ns[behind]
+    if not behind or before is None or after is None:
+        return 0
+    # of clock times midnight is between
+    return behind if 0 < (before - after) % (86_400 * NS_PER_S) <= NS_PER_S else 0
 
 
 def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:

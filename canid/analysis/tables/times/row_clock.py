@@ -114,7 +114,7 @@ def _is_set(t: Array, k: int, edges: Sequence[int]) -> bool:
     place = edges.index(k + 1)
     parts = t[edges[place - 1] : k + 1], t[k + 1 : edges[place + 1]]
     back = float(t[k] - t[k + 1])
-    if not clock_wraps.MAX_STEP_S < back <= _SET_SHARE * min(float(np.ptp(part)) for part in parts):
+    if not session_clock.MAX_REORDERING_S < back <= _SET_SHARE * min(float(np.ptp(part)) for part in parts):
         return False
     steps = np.diff(t)
     # rows that exchanged their places are as many as anywhere
