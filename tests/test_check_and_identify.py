@@ -1,4 +1,7 @@
-"""`check` fails on every log of which `identify` quotes nothing, with the same reason, and on no other for that reason."""
+"""`check` fails on every log of which `identify` quotes nothing, with the same reason, and on no other for that reason.
+
+But for gains that are averages over a cause of the driver's, which are no fault of the vehicle file.
+"""
 
 from __future__ import annotations
 

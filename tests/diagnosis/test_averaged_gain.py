@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from canid.analysis.drive.drive_parameters import whole_drive
+from canid.analysis.drive.drive_parameters import identify
 from canid.mathematics.identification.identifiability import quotable
 from canid.models.diagnosis import averaged_gain
 from canid.signals.samples.trace_assembly import part
@@ -26,7 +26,7 @@ def drive(seed: int, effects: dict[str, dict[str, float]], plant: int) -> tuple[
 @seeds.mostly(0.9)
 def test_an_average_over_a_dead_zone_is_not_quoted(seed: int) -> None:
     given, driver = drive(seed, {"relative_speed_dead_zone": {"width": 1.2}}, seed % 2)
-    result = whole_drive(given).whole["fopdt"]
+    result = identify(given, select_orders=False, sliding=False).whole["fopdt"]
     assert result is not None
     channel = result.channels["range_rate"]
     assert channel.K.high < driver["K2"]
@@ -38,7 +38,7 @@ def test_an_average_over_a_dead_zone_is_not_quoted(seed: int) -> None:
 @seeds.mostly(0.9)
 def test_a_clean_drive_keeps_its_gains(seed: int) -> None:
     given, driver = drive(seed, {}, seed % 2)
-    result = whole_drive(given).whole["fopdt"]
+    result = identify(given, select_orders=False, sliding=False).whole["fopdt"]
     assert result is not None
     gain = result.channels["range_rate"]
     assert quotable(gain, "K")
@@ -53,7 +53,7 @@ def test_too_short_a_drive_shows_no_cause() -> None:
 def test_in_the_lane_as_well(seed: int) -> None:
     """A driver who lets the car move within a zone steers the less the wider it is."""
     made = make(LaneDrive(SIMULATORS[seed % 2], "lateral_dead_zone", seed))
-    result = whole_drive(made.trace).whole["armax"]
+    result = identify(made.trace, select_orders=False, sliding=False).whole["armax"]
     assert result is not None
     channel = result.channels["lateral_offset"]
     assert abs(channel.K.low) < abs(made.gain)

@@ -154,10 +154,11 @@ def identify(
         )
     fitted = fitted_trace(trace)
     identified = _whole_drive(fitted, trace, settings)
-    whole = identified.whole
+    whole = averaged_gain.without_averages(identified.whole, trace)
     rows = pooling.pooled(fitted)
     ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)
     return identified._replace(
+        whole=whole,
         windows=tuple(windows(trace, **settings)) if sliding else (),
         orders=tuple(
             order_selection.compare(rows.output, rows.inputs, ready, segment=rows.segment, dt=rows.dt)
@@ -171,7 +172,7 @@ def identify(
 
 
 def whole_drive(trace: Trace, **settings: Any) -> Identified:
-    """The estimates over the whole drive alone, which decide what may be quoted.
+    """The estimates over the whole drive alone, which decide what may be quoted: of a driver without a hidden cause.
 
     Args:
         trace: from `read_trace`.
@@ -187,7 +188,7 @@ def _whole_drive(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> Id
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
         windows=(),
-        whole=averaged_gain.without_averages(estimates(fitted, trace, settings), trace),
+        whole=estimates(fitted, trace, settings),
         orders=(),
         time=time,
         findings=trace.findings,

@@ -273,7 +273,7 @@ def check(
 
 
 def _withheld(trace: Trace, vehicle: Vehicle) -> list[str]:
-    """Why `identify` would quote nothing of this log: it runs the same fit of the whole drive."""
+    """Why `identify` would quote nothing of this log: the same fit of the whole drive, but for the driver's causes."""
     identified = whole_drive(trace, **vehicle.estimators)
     if identification_verdict.verdict(identified, vehicle.driver.output).identifiable:
         return []

@@ -24,7 +24,6 @@ from canid.models.diagnosis.lane import lane_keeping, lane_model, lane_search
 from canid.models.effects import CATALOGUE, LANE_CATALOGUE
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.text.names import readable
-from canid.values.text.numbers import interval
 from canid.values.types import TASK_INPUTS, Interval, Trace
 
 # posterior probability of the models that have another gain, from which on it is not quoted
@@ -43,22 +42,20 @@ def without_averages(whole: Mapping[str, WholeDrive | None], trace: Trace) -> di
         whole: estimator -> its result, as `arbitrated` leaves it; None: it has none.
         trace: of the drive, as it was read.
     """
-    quoted = [
-        (name, key, channel.K)
+    quoted = {
+        name: {key: channel.K for key, channel in result.channels.items() if quotable(channel, "K")}
         for name, result in whole.items()
         if result is not None
-        for key, channel in result.channels.items()
-        if quotable(channel, "K")
-    ]
-    others = shown(trace) if quoted else ()
+    }
+    others = shown(trace) if any(quoted.values()) else ()
     out = dict(whole)
-    for name, key, gain in quoted:
-        if elsewhere(gain, others, GAINS[key]) >= REFUTED:
-            says = (
-                f"{readable(key)}: a driver model with one more cause describes this drive better, and has another K "
-                f"than {interval(gain)}: that is an average over the cause, not to be quoted; `canid diagnose` searches "
-                "for the cause"
-            )
+    for name, gains in quoted.items():
+        moved = [key for key, gain in gains.items() if elsewhere(gain, others, GAINS[key]) >= REFUTED]
+        says = (
+            f"K of {' and '.join(map(readable, moved))}: an average over a cause that the model has not; one with the cause "
+            "describes this drive better and has another K (`canid diagnose` searches for the cause)"
+        )
+        for key in moved:
             out[name] = whole_drive_agreement.without_parameter(out[name], key, "K", says)
     return out
 
