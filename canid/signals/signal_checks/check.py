@@ -60,8 +60,8 @@ def unit_of(ratio: float, low: float = float("nan"), high: float = float("nan"))
         ('km/h declared as m/s', '', 'mph declared as m/s')
     """
     near = [
-        (abs(ratio / factor - 1.0), says)
+        ("kn" in says.split(), abs(ratio / factor - 1.0), says)  # GNSS receivers alone give knots
         for factor, says in UNIT_FACTORS.items()
         if abs(ratio / factor - 1.0) < UNIT_TOLERANCE or low <= factor <= high
     ]
-    return min(near)[1] if near else ""
+    return min(near)[2] if near else ""
