@@ -56,6 +56,8 @@ TABLE = Format("", "", "table")
 class TableLog(Log):
     """The rows of a table as frames; see `Log`."""
 
+    entries = "entries"
+
     def __init__(
         self, path: Path, t: Array, messages: list[tuple[npt.NDArray[np.int64], Array]], start_ns: int | None
     ):

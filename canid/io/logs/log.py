@@ -8,7 +8,10 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
+
 from canid.io.logs import content, formats
+from canid.io.logs.copies import Copies
 from canid.io.logs.input_file import regular_file
 from canid.io.logs.local_time import zone_of
 from canid.io.logs.reader_state import Note, Read, ReadState
@@ -25,6 +28,8 @@ class Log:
 
     `damage` is known when an iteration is over; `progress` (0..1) is the share of the file that it has read.
     """
+
+    entries = "frames"  # what its file lists
 
     def __init__(
         self,
@@ -132,11 +137,40 @@ class Log:
         frames that they precede; the caller may empty the list. Their rows count all frames yielded.
         """
         wanted = None if ids is None else WantedIds(ids)
-        state = self._state = self._new_state(notes)
+        unjudged: list[Note] | None = None if notes is None else []
+        state = self._state = self._new_state(unjudged)
+        copies = Copies()
         try:
-            yield from self._read(self.path, state, wanted)
+            for chunk in self._read(self.path, state, wanted):
+                kept = copies.step(chunk)
+                _hand_over(unjudged, notes, copies)
+                if kept.t.size:
+                    yield kept
         except OSError as error:
             raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
+        for kept in copies.end():
+            _hand_over(unjudged, notes, copies)
+            yield kept
+        if copies.count:
+            state.frames -= copies.count
+            state.other_kinds[f"copies of {self.entries}"] += copies.count
+            state.remark(
+                f"{copies.count:,} {self.entries} are copies of others, with the same time and data, as of a log that was "
+                "appended or merged twice: they are left out"
+            )
+
+
+def _hand_over(unjudged: list[Note] | None, notes: list[Note] | None, copies: Copies) -> None:
+    """Give the events on whose frames are judged; of copies they count none."""
+    if unjudged is None or notes is None:
+        return
+    before = copies.count - len(copies.left_out)
+    judged = [note for note in unjudged if note.row <= copies.rows]
+    del unjudged[: len(judged)]
+    notes += [
+        note._replace(row=note.row - before - int(np.searchsorted(copies.left_out, note.row)))
+        for note in judged
+    ]
 
 
 # how measurements in other files become tables

@@ -34,10 +34,14 @@ UNIT_FACTORS = {
     2.23694: "mph declared as m/s",
     1.60934: "km/h declared as mph",
     3.28084: "feet declared as metres",
+    1.94384: "kn declared as m/s",
+    1.852: "km/h declared as kn",
     1 / 3.6: "m/s declared as km/h",
     1 / 2.23694: "m/s declared as mph",
     1 / 1.60934: "mph declared as km/h",
     1 / 3.28084: "metres declared as feet",
+    1 / 1.94384: "m/s declared as kn",
+    1 / 1.852: "kn declared as km/h",
 }
 # share by which a ratio may miss the factor of two units and still be called that: wheels and radars are good to 5 %
 UNIT_TOLERANCE = 0.08
@@ -56,8 +60,8 @@ def unit_of(ratio: float, low: float = float("nan"), high: float = float("nan"))
         ('km/h declared as m/s', '', 'mph declared as m/s')
     """
     near = [
-        (abs(ratio / factor - 1.0), says)
+        ("kn" in says.split(), abs(ratio / factor - 1.0), says)  # GNSS receivers alone give knots
         for factor, says in UNIT_FACTORS.items()
         if abs(ratio / factor - 1.0) < UNIT_TOLERANCE or low <= factor <= high
     ]
-    return min(near)[1] if near else ""
+    return min(near)[2] if near else ""

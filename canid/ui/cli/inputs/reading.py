@@ -69,8 +69,8 @@ def read_drive(path: str, vehicle: Vehicle, args: argparse.Namespace, **settings
         )
 
 
-# kinds of lines that every log has: they say nothing about this one
-_USUAL_KINDS = {"header lines", "comments", "log and trigger events"}
+# kinds of lines that every log has, which say nothing about this one; and copies, which a remark is about
+_USUAL_KINDS = {"header lines", "comments", "log and trigger events", "copies of frames"}
 
 
 def report_log(log: Log) -> None:
