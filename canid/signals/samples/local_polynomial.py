@@ -9,7 +9,14 @@ from collections.abc import Sequence
 from operator import mul
 from typing import NamedTuple
 
-from canid.values.types import NAN
+import numpy as np
+
+from canid.values.types import NAN, Array
+
+# of the time in which noise of a density and white jerk of 1 (m/s³)²·s weigh the same, (density/jerk)^1/4: half the width
+# of a parabola through a vehicle's speed. With noise of 0.04 and 0.08 m/s at 10 Hz, a lag came out 0.07 and 0.19 s too long
+# behind a half width of 0.25 s, 0.02 and 0.05 s behind 0.5 and 0.8 s, which this is about
+HALF_WIDTHS = 5.0
 
 
 class Fitted(NamedTuple):
@@ -69,3 +76,34 @@ def parabola(x: Sequence[float], y: Sequence[float]) -> Fitted:
     p2 = (r1 * (s1 * s2 - n * s3) + r2 * (n * s2 - s1 * s1)) / size
     left = [b - p0 - p1 * a - p2 * a * a for a, b in zip(u, v, strict=True)]
     return Fitted(mean + p0, sum(map(mul, left, left)) / (n - 3) * c0 / size)
+
+
+def noise(t: Array, y: Array) -> Array:
+    """What each reading shows of the variance of noise: the square of its distance from the line between its neighbours.
+
+    Args:
+        t: (n,) s, ascending.
+        y: (n,) readings; the first and the last show nothing, and are 0.
+
+    >>> noise(np.array([0.0, 1.0, 3.0]), np.array([1.0, 2.0, 4.0])).tolist()
+    [0.0, 0.0, 0.0]
+    """
+    out = np.zeros(len(y))
+    if len(y) > 2:
+        first = (t[2:] - t[1:-1]) / (t[2:] - t[:-2])
+        left = y[1:-1] - first * y[:-2] - (1.0 - first) * y[2:]
+        out[1:-1] = left * left / (1.0 + first * first + (1.0 - first) ** 2)
+    return out
+
+
+def half_width(squares: Sequence[float], spacing: float) -> float:
+    """Half the width in s of a parabola through a speed, by what its readings show of their noise.
+
+    Args:
+        squares: (m/s)², from `noise`; of none it is 0.
+        spacing: s, between readings.
+
+    >>> round(half_width([0.08**2] * 9, 0.1), 2), round(half_width([0.02**2] * 9, 0.02), 2)
+    (0.8, 0.27)
+    """
+    return HALF_WIDTHS * (sum(squares) / len(squares) * spacing) ** 0.25 if squares else 0.0

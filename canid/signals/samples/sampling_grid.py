@@ -11,6 +11,7 @@ With `Instants` the grid consists of the instants at which one role is updated, 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -49,6 +50,7 @@ class Role(NamedTuple):
     needed: bool = False  # a grid point waits for it
     updated: bool = False  # its instants are the grid
     smooth: float = 0.0  # s, half the width of a local parabola through its readings; 0: none
+    widest: float = 0.0  # s, likewise where they are noisy
 
 
 class Readings(NamedTuple):
@@ -286,7 +288,7 @@ def _points(
         if how.updated and kinds:
             values[role], variances[role] = _at_instants(readings, t, come, values[role], kinds, dt)
         elif how.smooth:
-            values[role], variances[role] = _smooth(readings, t, come, values[role], how.smooth)
+            values[role], variances[role] = _smooth(readings, t, come, values[role], how)
         if how.needed:
             of_part = np.searchsorted(readings.t, state.begin)
             oldest = np.minimum(np.maximum(first, of_part), len(readings.t))
@@ -346,11 +348,21 @@ def _at_instants(
     return _each(readings, t, come, joined, dt, at)
 
 
-def _smooth(readings: Readings, t: Array, come: Ints, joined: Array, reach: float) -> tuple[Array, Array]:
+def _smooth(readings: Readings, t: Array, come: Ints, joined: Array, how: Role) -> tuple[Array, Array]:
     """Values (m,) of a smooth role, and variances; joined by lines where its readings are too few."""
+    reach = max(how.smooth, how.widest)
+    squares = local_polynomial.noise(readings.t, readings.value).tolist() if how.widest else []
 
     def at(i: int, near: slice) -> Fitted:
-        return local_polynomial.parabola((readings.t[near] - t[i]).tolist(), readings.value[near].tolist())
+        x, y = (readings.t[near] - t[i]).tolist(), readings.value[near].tolist()
+        if how.widest and len(x) > 2:
+            half = local_polynomial.half_width(
+                squares[near.start + 1 : near.stop - 1], (x[-1] - x[0]) / (len(x) - 1)
+            )
+            half = max(half, how.smooth)
+            first, end = bisect_left(x, -half), bisect_left(x, half)
+            x, y = x[first:end], y[first:end]
+        return local_polynomial.parabola(x, y)
 
     return _each(readings, t, come, joined, reach, at)
 
@@ -385,7 +397,7 @@ def _trimmed(state: State, dt: float, roles: Mapping[str, Role]) -> State:
         if any(how.updated for how in roles.values()):
             # instants are within half a step of k dt
             needed_from -= 0.5 * dt + dt
-        needed_from -= max((how.smooth for how in roles.values()), default=0.0)
+        needed_from -= max((max(how.smooth, how.widest) for how in roles.values()), default=0.0)
         t, value, frame = old.joined
         first = max(int(np.searchsorted(t, needed_from, side="right")) - 1, 0)
         rest = Readings(t[first:], value[first:], frame[first:])
