@@ -5,6 +5,7 @@ Plain floats: some ten readings are too few for calls of numpy, and the sums do 
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from operator import mul
 from typing import NamedTuple
@@ -96,14 +97,23 @@ def noise(t: Array, y: Array) -> Array:
     return out
 
 
-def half_width(squares: Sequence[float], spacing: float) -> float:
-    """Half the width in s of a parabola through a speed, by what its readings show of their noise.
+def smooth(x: Sequence[float], y: Sequence[float], squares: Sequence[float], least: float) -> Fitted:
+    """Parabola at x = 0 through a speed, as wide as its noise asks.
 
     Args:
-        squares: (m/s)², from `noise`; of none it is 0.
-        spacing: s, between readings.
+        x: (n,) s.
+        y: (n,) m/s.
+        squares: (n,) (m/s)², from `noise`; () for no more than `least`.
+        least: s, half the width at least.
 
-    >>> round(half_width([0.08**2] * 9, 0.1), 2), round(half_width([0.02**2] * 9, 0.02), 2)
-    (0.8, 0.27)
+    >>> x, y = [0.1 * k for k in range(-8, 9)], [9.08, 8.92] * 8 + [9.08]
+    >>> squares = noise(np.array(x), np.array(y)).tolist()
+    >>> abs(smooth(x, y, squares, 0.2).value - 9.0) < 0.5 * abs(parabola(x[6:11], y[6:11]).value - 9.0)
+    True
     """
-    return HALF_WIDTHS * (sum(squares) / len(squares) * spacing) ** 0.25 if squares else 0.0
+    half, inner = least, squares[1:-1]
+    if inner:
+        density = sum(inner) / len(inner) * (x[-1] - x[0]) / (len(x) - 1)
+        half = max(HALF_WIDTHS * density**0.25, least)
+    first, end = bisect_left(x, -half), bisect_left(x, half)
+    return parabola(x[first:end], y[first:end])

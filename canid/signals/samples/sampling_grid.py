@@ -11,7 +11,6 @@ With `Instants` the grid consists of the instants at which one role is updated, 
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -355,14 +354,7 @@ def _smooth(readings: Readings, t: Array, come: Ints, joined: Array, how: Role) 
 
     def at(i: int, near: slice) -> Fitted:
         x, y = (readings.t[near] - t[i]).tolist(), readings.value[near].tolist()
-        if how.widest and len(x) > 2:
-            half = local_polynomial.half_width(
-                squares[near.start + 1 : near.stop - 1], (x[-1] - x[0]) / (len(x) - 1)
-            )
-            half = max(half, how.smooth)
-            first, end = bisect_left(x, -half), bisect_left(x, half)
-            x, y = x[first:end], y[first:end]
-        return local_polynomial.parabola(x, y)
+        return local_polynomial.smooth(x, y, squares[near], how.smooth)
 
     return _each(readings, t, come, joined, reach, at)
 
