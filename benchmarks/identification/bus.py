@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.identification.loops import Drive
 from canid.signals.samples import lead, learning_gate, own_speed, sampling_grid
-from canid.signals.samples.sampler import MADE, SMOOTH_ALONG_S
+from canid.signals.samples.sampler import MADE, SMOOTH_ALONG_S, WIDEST_ALONG_S
 from canid.values.types import Driver, Reading, Sample
 
 GRID = 0.1  # s
@@ -81,7 +81,7 @@ def samples(streams: list[Stream], driver: Driver) -> list[Sample]:
     if driver.task == "car_following":
         roles |= MADE | {
             "lead_speed": sampling_grid.Role(),
-            "own_speed": sampling_grid.Role(smooth=SMOOTH_ALONG_S),
+            "own_speed": sampling_grid.Role(smooth=SMOOTH_ALONG_S, widest=WIDEST_ALONG_S),
         }
     rows = sorted((float(t), i, k) for i, s in enumerate(streams) for k, t in enumerate(s.t))
     settings = lead.Settings()

@@ -73,16 +73,18 @@ def _values(came: Came | None, t: Array, given: Array, how: sampling_grid.Role) 
         out = np.where(alone, np.nan, out)
     out = np.where(before_t == t, before, out)
     out = np.where(after == 0, np.nan, out)
-    return _smooth(came, t, count, out, how.smooth) if how.smooth else out
+    return _smooth(came, t, count, out, how) if how.smooth else out
 
 
-def _smooth(came: Came, t: Array, count: Array, joined: Array, reach: float) -> Array:
+def _smooth(came: Came, t: Array, count: Array, joined: Array, how: sampling_grid.Role) -> Array:
     """Local parabolas through the readings that had come; joined by lines where they are too few."""
-    out = joined.copy()
+    out, reach = joined.copy(), max(how.smooth, how.widest)
+    squares = local_polynomial.noise(came.t, came.value).tolist() if how.widest else []
     low = np.searchsorted(came.t, t - reach)
     high = np.minimum(np.searchsorted(came.t, t + reach), count)
     for i in np.flatnonzero(np.isfinite(joined)).tolist():
         near = slice(low[i], high[i])
-        found = local_polynomial.parabola((came.t[near] - t[i]).tolist(), came.value[near].tolist()).value
+        x, y = (came.t[near] - t[i]).tolist(), came.value[near].tolist()
+        found = local_polynomial.smooth(x, y, squares[near], how.smooth).value
         out[i] = found if found == found else joined[i]
     return out

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from canid.signals.samples import sampling_grid
+from canid import read_vehicle
+from canid.signals.samples import sampler, sampling_grid
 from canid.signals.samples.sampling_grid import Points, Readings, Role
 from canid.values.types import Reading
 
@@ -108,3 +110,36 @@ def test_a_long_pause_is_jumped() -> None:
     got = run(readings, 3605.0)
     assert got["t"].size < 400
     assert np.isfinite(got["speed"][got["t"] > 3600.1]).all()
+
+
+@pytest.mark.parametrize(("noise", "most"), [(0.02, 0.72), (0.04, 0.55), (0.08, 0.45)])
+def test_the_parabola_through_a_speed_is_as_wide_as_its_noise_asks(
+    noise: float, most: float, seed: int
+) -> None:
+    """Error over noise at 10 Hz, where a vehicle moves as in traffic; however the readings are cut into chunks."""
+    rng, t = np.random.default_rng(seed), 0.1 * np.arange(1200)
+    speed = 20.0 + 1.5 * np.sin(0.6 * t) + 0.3 * np.sin(1.5 * t)
+    roles = {
+        "own_speed": sampler.sampled_roles(read_vehicle("generic"))["own_speed"],
+        "gap": Role(needed=True),
+    }
+    # each frame brings a speed, and the gap of 1.6 s before, as the lead's smoothing does
+    reading = Readings(t, speed + noise * rng.standard_normal(t.size), np.arange(t.size))
+    late = reading._replace(t=t - 1.6)
+    got = []
+    for size in (1200, 7):
+        state, values = sampling_grid.init(), []
+        for k in range(0, t.size, size):
+            part = slice(k, k + size)
+            came = {
+                "own_speed": Readings(*(x[part] for x in reading)),
+                "gap": Readings(*(x[part] for x in late)),
+            }
+            state, ready = sampling_grid.take(sampling_grid.put(state, came), t[part], 0.1, roles)
+            values += [x for points in ready for x in points.values["own_speed"].tolist()]
+        got.append(values)
+    whole, cut = got
+    assert cut == whole[: len(cut)]
+    assert len(cut) > 1100
+    error = np.array(cut)[20:] - speed[20 : len(cut)]
+    assert error.std() < most * noise

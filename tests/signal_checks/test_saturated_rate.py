@@ -18,10 +18,10 @@ ROLES = ("pedal", "speed", "gap", "range_rate", "accel")
 NAME = "range_rate_saturated"
 
 
-def columns(seed: int) -> Columns:
-    """A drive of eight minutes."""
-    drive = following(seed, 8.0)
-    return {role: drive[role] for role in ROLES}
+def columns(seed: int, minutes: float = 8.0) -> Columns:
+    """A drive."""
+    whole = following(seed, minutes)
+    return {role: whole[role] for role in ROLES}
 
 
 def read(given: Columns) -> Trace:
@@ -92,3 +92,17 @@ def test_what_is_no_limit_is_not_called_one(kind: str, role: str, seed: int) -> 
     given = columns(seed)
     found = read(given | {role: OTHERS[kind](given[role])}).findings
     assert NAME not in {finding.name for finding in found}
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.6, 0.6), (-np.inf, 0.6)])
+@seeds.mostly(0.8)
+def test_a_limit_that_a_coarse_and_calm_range_rate_reaches_now_and_then_is_found(
+    low: float, high: float, seed: int
+) -> None:
+    """In steps of 0.1 m/s no stay shows with which slope it began, and the range rate stands there at its extreme."""
+    given = columns(seed, 5.0)
+    calm = 0.35 / float(np.std(given["range_rate"]))
+    given["gap"] = 40.0 + calm * (given["gap"] - 40.0)
+    given["range_rate"] = np.round(np.clip(calm * given["range_rate"], low, high), 1)
+    names = {finding.name for finding in read(given).findings if finding.withholds}
+    assert names & {NAME, "range_rate_limited", "range_rate_limited_below", "range_rate_limited_above"}

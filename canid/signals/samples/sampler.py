@@ -42,6 +42,8 @@ MADE = {
 # s; half the width of the parabola through a signal that a vehicle's inertia smooths: of a movement of 0.5 Hz it misses
 # 0.1 % to the side, where nothing that a driver does now moves the vehicle by then, and 0.4 % along the road
 SMOOTH_SIDEWAYS_S, SMOOTH_ALONG_S = 0.15, 0.25
+# s; likewise through a noisy speed, within the lag of the lead's smoothing
+WIDEST_ALONG_S = 0.8
 
 
 class State(NamedTuple):
@@ -151,7 +153,9 @@ def sampled_roles(vehicle: Vehicle) -> dict[str, Role]:
         roles[AT_LIMIT] = Role(switch=True, stale=age["range_rate"])
         roles |= following | MADE | reported | {"lead_speed": Role(stale=age["range_rate"])}
         if "speed" in roles:
-            roles["own_speed"] = Role(stale=roles["speed"].stale, smooth=SMOOTH_ALONG_S)
+            roles["own_speed"] = Role(
+                stale=roles["speed"].stale, smooth=SMOOTH_ALONG_S, widest=WIDEST_ALONG_S
+            )
     elif vehicle.driver.output in roles:
         # the wheel's corner at a decision is where the lines before and after it meet
         output = roles[vehicle.driver.output]

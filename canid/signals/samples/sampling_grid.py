@@ -49,6 +49,7 @@ class Role(NamedTuple):
     needed: bool = False  # a grid point waits for it
     updated: bool = False  # its instants are the grid
     smooth: float = 0.0  # s, half the width of a local parabola through its readings; 0: none
+    widest: float = 0.0  # s, likewise where they are noisy
 
 
 class Readings(NamedTuple):
@@ -286,7 +287,7 @@ def _points(
         if how.updated and kinds:
             values[role], variances[role] = _at_instants(readings, t, come, values[role], kinds, dt)
         elif how.smooth:
-            values[role], variances[role] = _smooth(readings, t, come, values[role], how.smooth)
+            values[role], variances[role] = _smooth(readings, t, come, values[role], how)
         if how.needed:
             of_part = np.searchsorted(readings.t, state.begin)
             oldest = np.minimum(np.maximum(first, of_part), len(readings.t))
@@ -346,11 +347,14 @@ def _at_instants(
     return _each(readings, t, come, joined, dt, at)
 
 
-def _smooth(readings: Readings, t: Array, come: Ints, joined: Array, reach: float) -> tuple[Array, Array]:
+def _smooth(readings: Readings, t: Array, come: Ints, joined: Array, how: Role) -> tuple[Array, Array]:
     """Values (m,) of a smooth role, and variances; joined by lines where its readings are too few."""
+    reach = max(how.smooth, how.widest)
+    squares = local_polynomial.noise(readings.t, readings.value).tolist() if how.widest else []
 
     def at(i: int, near: slice) -> Fitted:
-        return local_polynomial.parabola((readings.t[near] - t[i]).tolist(), readings.value[near].tolist())
+        x, y = (readings.t[near] - t[i]).tolist(), readings.value[near].tolist()
+        return local_polynomial.smooth(x, y, squares[near], how.smooth)
 
     return _each(readings, t, come, joined, reach, at)
 
@@ -385,7 +389,7 @@ def _trimmed(state: State, dt: float, roles: Mapping[str, Role]) -> State:
         if any(how.updated for how in roles.values()):
             # instants are within half a step of k dt
             needed_from -= 0.5 * dt + dt
-        needed_from -= max((how.smooth for how in roles.values()), default=0.0)
+        needed_from -= max((max(how.smooth, how.widest) for how in roles.values()), default=0.0)
         t, value, frame = old.joined
         first = max(int(np.searchsorted(t, needed_from, side="right")) - 1, 0)
         rest = Readings(t[first:], value[first:], frame[first:])

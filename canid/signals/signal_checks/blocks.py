@@ -60,6 +60,8 @@ class Block(NamedTuple):
     out_of_range: tuple[OutOfRange, ...] = ()
     spans: tuple[ReadingSpan, ...] = ()  # likewise
     limited: tuple[Limited, ...] = ()  # limits that have become known with it
+    # as `follows`, but that the range rate stands at its extreme so far: it may be a limit that is not known
+    at_end: bool = False
 
 
 class AtEnd(NamedTuple):
@@ -133,6 +135,14 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
     mean = (np.add.reduce(values) / len(rows)).tolist()
     spread = (np.maximum.reduce(values) - lowest).tolist()
     rate = at_end(state.rate, values[:, RANGE_RATE])
+    # comparisons with NaN are false
+    measured = (
+        mean[LEAD_VALID] == 1.0
+        and spread[LEAD_VALID] == 0.0
+        and bool(lowest[SPEED] > CREEP_SPEED)
+        and mean[RANGE_RATE] == mean[RANGE_RATE]
+        and _same_lead(values[:, GAP], state.gap, dt)
+    )
     block = Block(
         t,
         dt,
@@ -140,17 +150,12 @@ def step(state: State, sample: Sample, dt: float) -> tuple[State, Block | None]:
         tuple(mean),
         tuple(spread),
         state.joined,
-        # comparisons with NaN are false
-        mean[LEAD_VALID] == 1.0
-        and spread[LEAD_VALID] == 0.0
-        and bool(lowest[SPEED] > CREEP_SPEED)
-        and mean[RANGE_RATE] == mean[RANGE_RATE]
-        and _same_lead(values[:, GAP], state.gap, dt)
-        and not rate.may_be_limited,
+        measured and not rate.may_be_limited,
         state.stamps,
         state.out_of_range,
         state.spans,
         state.limited,
+        measured and rate.may_be_limited,
     )
     return State(t, (), True, float(values[-1, GAP]), rate=rate), block
 

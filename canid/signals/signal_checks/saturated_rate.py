@@ -1,4 +1,4 @@
-"""A range rate that saturates without standing at a limit, as one that is limited and then filtered: the gap passes it.
+"""A range rate that saturates without a limit that its readings show, coarse or filtered behind it: the gap passes it.
 
 Second by second the change of the gap less the integral of the range rate (mean_difference.py) is noise, or a line over the
 range rate where a scale is wrong. At the outermost range rates of a side it leaves that line outwards only where the range
@@ -66,7 +66,8 @@ def step(state: State, block: Block) -> tuple[State, Found | None]:
         if span.role == RATE and span.kind == "points":
             state = state._replace(step=span.step)
     mean = block.mean[GAP]
-    if not (block.follows and mean == mean):
+    # a coarse range rate at its limit has no slope that would show it (limited_values.py): the gap does
+    if not ((block.follows or block.at_end) and mean == mean):
         return (state._replace(gap=NAN) if state.gap == state.gap else state), state.found
     rise, fall = integrals(block.values[:, RANGE_RATE], block.dt)
     if block.joined and state.gap == state.gap:
@@ -91,7 +92,7 @@ def _judged(state: State) -> Found | None:
                 f"range rate saturates {side} {sign * outermost:.2g} m/s: there the gap changes by {excess.value:.2g} m/s "
                 f"[{excess.low:.2g}, {excess.high:.2g}] more"
             )
-            remedy = "it is limited, and filtered behind that: log it with a wider range"
+            remedy = "it is limited, and coarse or filtered behind that: log it with a wider range"
             return Found("range_rate_saturated", (RATE,), state.begin, says, remedy)
     return None
 
