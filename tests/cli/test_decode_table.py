@@ -50,7 +50,7 @@ def test_the_table_fits_the_terminal_and_says_what_it_leaves_out() -> None:
         lines = table(many, columns, height)
         assert len(lines) == height
         assert max(map(len, lines)) <= columns
-        assert "more; choose: --signals, --id, --bus" in lines[-1]
+        assert "more: --signals, --id, --bus" in lines[-1]
     assert len(table(many, 200)) == 100
 
 

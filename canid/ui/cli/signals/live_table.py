@@ -44,7 +44,7 @@ def table(rows: Sequence[Row], columns: int, height: int | None = None) -> list[
     high = max(-(-len(shown) // side_by_side), 1) if height is None else max(height - 1, 1)
     out = [(" " * BETWEEN).join(shown[k::high]).rstrip() for k in range(min(high, len(shown)))]
     if len(lines) > room:
-        out.append(f"… {len(lines) - room} more; choose: --signals, --id, --bus"[:columns])
+        out.append(f"… {len(lines) - room} more: --signals, --id, --bus"[:columns])
     return out
 
 
