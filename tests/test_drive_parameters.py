@@ -79,7 +79,7 @@ def test_a_contradiction_is_told_live_and_along_the_drive(monkeypatch: pytest.Mo
     contradicted = [e for e in check_same() if e.status is Status.INCONSISTENT]
     assert {e.estimator for e in contradicted} == {"armax", "fopdt"}
     assert not any(e.headline for e in contradicted)
-    assert all("by fopdt but" in e.says and "by armax" in e.says for e in contradicted)
+    assert all("by FOPDT but" in e.says and "by ARMAX" in e.says for e in contradicted)
     assert all(math.isfinite(e.channels["range_rate"].K.value) for e in contradicted)
     line = json_values.plain(contradicted[-1])
     assert line["status"] == "inconsistent"

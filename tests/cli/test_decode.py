@@ -116,3 +116,14 @@ def test_what_is_missing_is_said(canid: Canid, tmp_path: Path) -> None:
     assert (ran.code, "name a log, or a bus" in ran.err) == (USAGE, True)
     (tmp_path / "x.log").write_text("(1.0) can0 110#0011223344556677\n(1.1) can0 110#00zz\n")
     assert canid("decode", tmp_path / "x.log", "--dbc", DBC).code == DAMAGED
+
+
+@pytest.mark.parametrize("shape", [(), ("--csv",), ("--table",)])
+def test_files_of_another_bus_are_an_error_with_what_to_do(canid: Canid, shape: tuple[str, ...]) -> None:
+    """Nothing could be decoded: not the success that an empty table looks like to a script."""
+    log = ROOT / "replay_logs" / "following_urban.blf"
+    ran = canid("decode", log, "--dbc", ROOT / "dbc" / "toyota_rav4_2017_radar.dbc", "--stop", 2, *shape)
+    assert ran.code == USAGE
+    assert "0 frames decoded" in ran.err
+    assert "give --dbc those of this bus; `canid look` lists what came" in ran.err
+    assert canid("decode", log, "--dbc", DBC, "--stop", 2, *shape).code == DONE

@@ -50,8 +50,20 @@ def test_the_table_fits_the_terminal_and_says_what_it_leaves_out() -> None:
         lines = table(many, columns, height)
         assert len(lines) == height
         assert max(map(len, lines)) <= columns
-        assert "more: choose by --signals" in lines[-1]
+        assert "more: --signals, --id, --bus" in lines[-1]
     assert len(table(many, 200)) == 100
+
+
+def test_what_a_narrow_table_cuts_shows_that_it_is_cut() -> None:
+    """Two signals of a message differ at the end of their names, and no number loses digits in silence."""
+    names = ["ENGINE_DATA.PedalPosition", "ENGINE_DATA.EngineSpeed"]
+    for columns in (30, 40, 50):
+        lines = table([Row(0, name, "-1600.512345678 rpm", 50.0, 0.0) for name in names], columns)
+        assert [line.split()[0][-5:] for line in lines] == ["ition", "Speed"]
+        for line, name in zip(lines, names, strict=True):
+            assert len(line) == columns
+            assert name in line or line.startswith("…")
+            assert "-1600.512345678 rpm" in line or line.split()[1][-1] == "…" or line.split()[2][-1] == "…"
 
 
 def test_table_excludes_the_other_forms(canid: Canid) -> None:

@@ -61,7 +61,7 @@ def test_a_contradiction_that_persists_is_reported_of_both_with_its_reason():
     last = out[-2:]
     assert [e.estimator for e in last] == ["armax", "fopdt"]
     for e in last:
-        assert e.says.startswith("range rate: K is 5.50 [5.00, 6.00] by fopdt but 7.50 [7.00, 8.00] by armax")
+        assert e.says.startswith("range rate: K is 5.50 [5.00, 6.00] by FOPDT but 7.50 [7.00, 8.00] by ARMAX")
         assert "keep following" in e.says
         assert math.isfinite(e.channels["range_rate"].K.value)
         assert not e.headline
@@ -78,7 +78,7 @@ def test_the_sum_of_the_delays_is_compared_too():
     )
     assert out[-1].status is Status.INCONSISTENT
     assert (
-        "lateral offset: tau + dead time is 0.30 [0.20, 0.40] s by armax but 0.60 [0.50, 0.70] s by fopdt"
+        "lateral offset: tau + dead time is 0.30 [0.20, 0.40] s by ARMAX but 0.60 [0.50, 0.70] s by FOPDT"
         in out[-1].says
     )
 

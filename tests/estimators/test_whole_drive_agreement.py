@@ -51,7 +51,7 @@ def test_disjoint_gains_are_quoted_by_neither() -> None:
     one, other, says = judged(found(band(0.13, 0.19)), found(band(0.20, 0.28)))
     assert one.status is other.status is Identifiable.NOT
     assert band(0.13, 0.19) == one.K
-    assert "0.16 [0.13, 0.19] by fopdt but 0.24 [0.20, 0.28] by armax" in says
+    assert "0.16 [0.13, 0.19] by FOPDT but 0.24 [0.20, 0.28] by ARMAX" in says
     assert "fopdt needs" in says
     assert "armax needs" in says
 
@@ -123,7 +123,7 @@ def test_the_diagnosis_is_one_of_the_methods() -> None:
     mine = {NAME: Channel(band(5, 7), tau_plus_dead_time=band(0.5, 1.0), status=Identifiable.SUM_ONLY)}
     left, says, _ = diagnosed(mine, {"fopdt": found(band(1, 2)), "armax": None}, None)
     assert left[NAME].status is Identifiable.NOT
-    assert "1.50 [1.00, 2.00] by fopdt but 6.00 [5.00, 7.00] by diagnose" in says[0]
+    assert "1.50 [1.00, 2.00] by FOPDT but 6.00 [5.00, 7.00] by diagnose" in says[0]
     agreeing = {"fopdt": found(band(5, 7), left=0.9)}
     assert diagnosed(mine, agreeing, None)[0][NAME].status is Identifiable.GAIN_ONLY
     # causes that the estimators have not explain what those leave
@@ -139,7 +139,7 @@ def test_a_named_cause_explains_a_difference() -> None:
     left, why, says = diagnosed(mine, whole, {NAME: Channel(band(1.8, 2.6))})
     assert (left, why) == (mine, ())
     assert len(says) == 1
-    assert "Without the cause K of range rate is 1.5 [1.0, 2.0] by fopdt, as in `identify`" in says[0]
+    assert "Without the cause K of range rate is 1.5 [1.0, 2.0] by FOPDT, as in `identify`" in says[0]
 
 
 @pytest.mark.parametrize("baseline", [Channel(band(3, 4)), Channel()])

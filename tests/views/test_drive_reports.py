@@ -180,7 +180,7 @@ def test_the_page_of_replay_shows_what_was_said_live(canid: Canid, opened: Open,
         came = {readable(line["status"]) for line in estimates if line["estimator"] == estimator}
         assert came == {name for name, rows in strips.items() if estimator in rows}
     K = next(
-        one for one in figures["live-range_rate"]["data"] if one["name"] == "fopdt" and one["yaxis"] == "y"
+        one for one in figures["live-range_rate"]["data"] if one["name"] == "FOPDT" and one["yaxis"] == "y"
     )
     last = [line for line in estimates if line["estimator"] == "fopdt"][-1]
     assert K["y"][-1] == pytest.approx(last["channels"]["range_rate"]["K"]["value"], rel=1e-4)

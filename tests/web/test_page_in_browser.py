@@ -255,6 +255,23 @@ def test_a_laptop_shows_driver_prediction_and_measurement_without_scrolling(open
         assert len(said.partition(": ")[2].split(", ")) == hidden or not said
 
 
+@pytest.mark.slow("pages in a browser")
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1366, 768), (390, 844)])
+def test_no_estimate_is_broken_over_lines_or_cut_off(opened: Opened, width: int, height: int) -> None:
+    """Each K and each delay of the table of estimators, with its interval and unit, is one line within the panel."""
+    opened.page.set_viewport_size({"width": width, "height": height})
+    cells = opened.evaluate(
+        """[...document.querySelectorAll('#rows [data-of]')].map(cell => {
+        const range = document.createRange();
+        range.selectNodeContents(cell);
+        const tops = new Set([...range.getClientRects()].map(r => Math.round(r.top)));
+        const right = cell.closest('.panel').getBoundingClientRect().right;
+        return [cell.innerText, tops.size, Math.max(...[...range.getClientRects()].map(r => r.right)) <= right]; })"""
+    )
+    assert len(cells) >= 2
+    assert [cell for cell in cells if cell[1:] != [1, True]] == []
+
+
 def test_every_decoded_value_is_there_when_asked_for(opened: Opened) -> None:
     """A table of all roles that came, with their units, in the numbers of the panel of what is now."""
     rows = (

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from canid.mathematics.estimators.status import TIME_ROUNDING_S
 from canid.mathematics.identification.identifiability import apart, quotable
+from canid.values.text.names import method
 from canid.values.types import Channel, Estimate, Interval, Status
 
 # Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
@@ -209,14 +210,14 @@ def both(
 
     >>> known = {"range_rate": Channel(Interval(2.0, 1.0, 3.0))}
     >>> both(("fopdt", "armax", "range_rate", "K"), known, known)
-    'range rate: K is 2.00 [1.00, 3.00] by fopdt but 2.00 [1.00, 3.00] by armax'
+    'range rate: K is 2.00 [1.00, 3.00] by FOPDT but 2.00 [1.00, 3.00] by ARMAX'
     """
     first, second, name, what = key
     word, unit = WORDS[what]
 
     def number(channels: Mapping[str, Channel], estimator: str) -> str:
         iv: Interval = getattr(channels[name], what)
-        return f"{iv.value:.2f} [{iv.low:.2f}, {iv.high:.2f}]{unit} by {estimator}"
+        return f"{iv.value:.2f} [{iv.low:.2f}, {iv.high:.2f}]{unit} by {method(estimator)}"
 
     a, b = number(of_first, first), number(other, second)
     return f"{name.replace('_', ' ')}: {word} is {a} but {b}"

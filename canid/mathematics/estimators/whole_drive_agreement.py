@@ -25,6 +25,7 @@ from canid.mathematics.identification.identifiability import (
     quotable,
     sum_only,
 )
+from canid.values.text.names import method as in_words
 from canid.values.text.names import readable
 from canid.values.text.numbers import interval
 from canid.values.types import Channel, SignalFinding
@@ -140,7 +141,7 @@ def diagnosed(
     ('not_identifiable', 'range rate')
     >>> _, _, says = diagnosed({"range_rate": one}, {"fopdt": WholeDrive({"range_rate": other})}, {"range_rate": other})
     >>> says[0].partition(", as")[0]
-    'Without the cause K of range rate is 5.0 [4.0, 6.0] by fopdt'
+    'Without the cause K of range rate is 5.0 [4.0, 6.0] by FOPDT'
     """
     others = {name: result for name, result in whole.items() if name not in agreement.wrong_for(channels)}
     mine = without_delays({DIAGNOSIS: WholeDrive(channels)}, findings)
@@ -163,7 +164,7 @@ def _without_causes(mine: Mapping[str, Channel], others: Mapping[str, WholeDrive
             continue
         for name, what in disjoint(mine, result.channels):
             text = interval(getattr(result.channels[name], what), "" if what == "K" else "s")
-            given.setdefault((name, what), []).append(f"{text} by {method}")
+            given.setdefault((name, what), []).append(f"{text} by {in_words(method)}")
     for (name, what), said in given.items():
         yield (
             f"Without the cause {agreement.WORDS[what][0]} of {readable(name)} is {' and '.join(said)}, as in `identify`: "

@@ -40,6 +40,16 @@ def either(names: tuple[str, ...]) -> str:
     return " or ".join(map(readable, names))
 
 
+def method(estimator: str) -> str:
+    """What an estimator is called; FOPDT and ARMAX are abbreviations.
+
+    Example:
+        >>> method("fopdt"), method("diagnose")
+        ('FOPDT', 'diagnose')
+    """
+    return estimator.upper() if estimator in ("fopdt", "armax") else estimator
+
+
 def parameter(key: str, output: str) -> tuple[str, str]:
     """Name and unit of a parameter in `Report.shifts`.
 

@@ -17,7 +17,7 @@ from canid.ui.cli.output import complete_files, outputs
 from canid.ui.cli.signals import selection
 from canid.ui.terminal.messages import info, line_printer
 from canid.values import bounded_numbers
-from canid.values.errors import DAMAGED, DONE, ConfigError
+from canid.values.errors import DAMAGED, DONE, USAGE, ConfigError
 from canid.values.text import json_values
 
 if TYPE_CHECKING:
@@ -101,11 +101,11 @@ def _log(args: argparse.Namespace, sink: TextOutput | None) -> int:
         _last_values(args, decoder, rounds(log))
     else:
         _write(args, decoder, rounds(log), sink)
-    _end(decoder)
+    code = _end(decoder)
     report_log(log)
     if not decoder.frames and not decoder.undescribed and (says := errors_alone(args.log)):
         info(says)
-    return DAMAGED if log.damage else DONE
+    return DAMAGED if log.damage else code
 
 
 def _last_values(args: argparse.Namespace, decoder: Decoder, chunks: Iterable[list[Columns]]) -> None:
@@ -176,8 +176,8 @@ def _bus(args: argparse.Namespace, sink: TextOutput | None) -> int:
         _live(args, decoder, frames, LiveTable())
     else:
         _write(args, decoder, ([columns_of([frame])] for frame in frames()), sink)
-        _end(decoder)
-    return DONE if counts[False] else report_silence(args.duration, counts[True])
+    code = _end(decoder)
+    return code if counts[False] else report_silence(args.duration, counts[True])
 
 
 def _write(
@@ -216,9 +216,14 @@ def _id(frame: DecodedFrame) -> str:
     return f"{frame.id:08X}" if frame.extended else f"{frame.id:03X}"
 
 
-def _end(decoder: Decoder) -> None:
-    """What no file describes."""
+def _end(decoder: Decoder) -> int:
+    """What no file describes; an exit code: files that describe nothing are those of another bus."""
     left = sum(decoder.undescribed.values())
-    if left:
-        ids = len(decoder.undescribed)
-        info(f"{decoder.frames:,} frames decoded; {left:,} frames of {ids} ids are in none of the DBC files")
+    if not left:
+        return DONE
+    ids = len(decoder.undescribed)
+    other = "" if decoder.frames else ": give --dbc those of this bus; `canid look` lists what came"
+    info(
+        f"{decoder.frames:,} frames decoded; {left:,} frames of {ids} ids are in none of the DBC files{other}"
+    )
+    return DONE if decoder.frames else USAGE

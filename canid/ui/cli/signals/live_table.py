@@ -20,6 +20,8 @@ from canid.values.terminal_text import terminal_text
 REDRAW_S = 0.25
 # characters of a column of rows, and between two
 COLUMN, BETWEEN = 62, 2
+# characters of a name that are shown at least
+LEAST_NAME = 8
 # s without a value from which on its age is shown instead of a rate that is over
 OLD_S = 2.0
 
@@ -42,7 +44,7 @@ def table(rows: Sequence[Row], columns: int, height: int | None = None) -> list[
     high = max(-(-len(shown) // side_by_side), 1) if height is None else max(height - 1, 1)
     out = [(" " * BETWEEN).join(shown[k::high]).rstrip() for k in range(min(high, len(shown)))]
     if len(lines) > room:
-        out.append(f"… {len(lines) - room} more: choose by --signals, --id or --bus"[:columns])
+        out.append(f"… {len(lines) - room} more: --signals, --id, --bus"[:columns])
     return out
 
 
@@ -56,9 +58,11 @@ def _line(row: Row, width: int, several: bool) -> str:
     )
     value, name = terminal_text(row.text), terminal_text(f"{row.bus} {row.name}" if several else row.name)
     room = width - 13
-    return (
-        f"{name[: max(room - len(value) - 1, 8)]:<{max(room - len(value), 9)}}{value}"[:room] + f"{last:>13}"
-    )
+    # of a name its end says most; what is cut shows that it is
+    value = value if len(value) < room - LEAST_NAME else f"{value[: room - LEAST_NAME - 2]}…"
+    for_name = room - len(value)
+    name = name if len(name) < for_name else f"…{name[len(name) - for_name + 2 :]}"
+    return f"{name:<{for_name}}{value}{last:>13}"
 
 
 class LiveTable:

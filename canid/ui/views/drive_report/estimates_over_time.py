@@ -114,12 +114,13 @@ def _lines(
     value, low, high = np.array([getattr(c, parameter) for c in known], dtype=float).T
     may = np.array([quotable(c, parameter) for c in known])
     color = COLORS.get(estimator, OTHER_COLOR)
-    out = [band(t, low, high, f"{estimator}, 95 %", color)]
-    out.append(line(times(t), np.where(may, value, math.nan), estimator, color))
+    name = estimator.upper()
+    out = [band(t, low, high, f"{name}, 95 %", color)]
+    out.append(line(times(t), np.where(may, value, math.nan), name, color))
     rest = np.where(may, math.nan, value)
     if np.isfinite(rest).any():
         faint = {"line": {"color": f"@{color}", "width": 1, "dash": "dot"}, "showlegend": False}
-        out.append(line(times(t), rest, f"{estimator}, not to be quoted", color) | faint)
+        out.append(line(times(t), rest, f"{name}, not to be quoted", color) | faint)
     # where something may be quoted, the band of what may not does not set the range
     these = may & np.isfinite(value) if (may & np.isfinite(value)).any() else np.isfinite(value)
     return out, [low[these], high[these]]
@@ -134,7 +135,7 @@ def _caption(each: dict[str, list[Estimate]], channel: str, parameters: Sequence
     for estimator, rows in each.items():
         ok = [e for e in rows if e.status is Status.OK and quotable(e.channels[channel], "K")]
         share = 100.0 * len(ok) / len(rows) if rows else 0.0
-        said.append(f"{estimator}: K may be quoted in {number(share, '%')} of {len(rows)} estimates")
+        said.append(f"{estimator.upper()}: K may be quoted in {number(share, '%')} of {len(rows)} estimates")
     return (
         f"95 % bands; dotted where a value may not be quoted. {'; '.join(said)}. "
         "The range is that of nearly all intervals that may be quoted: wider ones are cut off."

@@ -31,7 +31,11 @@ def held_out_simulation(
     lines = [signal(trace.t[late], trace.output[late], "measured", "measured", most)]
     lines += [
         signal(
-            series.t, series.simulated, f"{method}, of the first part", COLORS.get(method, OTHER_COLOR), most
+            series.t,
+            series.simulated,
+            f"{method.upper()}, of the first part",
+            COLORS.get(method, OTHER_COLOR),
+            most,
         )
         for method, series in rest.methods.items()
     ]

@@ -154,10 +154,10 @@ def _banded(method: str, x: Array, band: Band) -> list[Spec]:
     region: Spec = {
         "type": "scatter", "mode": "lines", "x": [*there, *there[::-1]],
         "y": to_list(band.high) + to_list(band.low)[::-1], "fill": "toself", "fillcolor": f"@{color}", "opacity": 0.2,
-        "line": {"width": 0, "color": f"@{color}"}, "name": f"{method}, 95 %", "legendgroup": f"{method}, 95 %",
+        "line": {"width": 0, "color": f"@{color}"}, "name": f"{method.upper()}, 95 %", "legendgroup": f"{method}, 95 %",
         "hoverinfo": "skip",
     }  # fmt: skip
-    curve = line(there, band.value, method, color) | {"line": {"color": f"@{color}", "width": 1.8}}
+    curve = line(there, band.value, method.upper(), color) | {"line": {"color": f"@{color}", "width": 1.8}}
     return [region, curve] if np.isfinite(band.low).all() else [curve]
 
 

@@ -175,7 +175,7 @@ function drawFast() {
   const { offset, headline } = drawOutput(store, readable(output), unit);
   drawLead(store, units.factor, units.name);
   say(byId("prediction-note"), offset === null ? "no prediction yet: it needs a headline estimate, and some seconds of learning"
-    : `prediction: the measured inputs through K, τ, θ of the headline (${headline.value.estimator}, ${clock(headline.value.t)}), plus ${offset.toFixed(2)} ${unit}, fitted to the last ${OFFSET_S} s`);
+    : `prediction: the measured inputs through K, τ, θ of the headline (${headline.value.estimator.toUpperCase()}, ${clock(headline.value.t)}), plus ${offset.toFixed(2)} ${unit}, fitted to the last ${OFFSET_S} s`);
 }
 
 function drawSlow() {

@@ -43,9 +43,9 @@ export function drawHeadline(store) {
   status.dataset.status = about.value.status;
   const quality = [];
   if (message && known(message.value.fit_percent)) quality.push(`fit ${fixed(message.value.fit_percent, 0)} %`);
-  if (message && known(message.value.used)) quality.push(`from ${fixed(message.value.used, 0)} s of driving`);
-  let who = current ? `headline: ${message.value.estimator} at ${clock(message.value.t)}` : "no headline now";
-  if (!current && message) who = `no headline now; the last one: ${message.value.estimator} at ${clock(message.value.t)}`;
+  if (message && known(message.value.used)) quality.push(`from ${fixed(message.value.used, 0)} s`);
+  let who = current ? `headline: ${message.value.estimator.toUpperCase()} at ${clock(message.value.t)}` : "no headline now";
+  if (!current && message) who = `no headline now; the last one: ${message.value.estimator.toUpperCase()} at ${clock(message.value.t)}`;
   say(byId("who"), [who, ...quality].join(" · "));
   say(byId("says"), about.value.says);
   const shown = message || newest[0];
@@ -87,7 +87,7 @@ function drawProgress(message) {
   byId("progress").replaceChildren(...Object.entries(message.value.channels).filter(([, ch]) => ch.progress).map(([name, ch]) => {
     const { parameter: what, sd, needed, seconds } = ch.progress;
     const bar = make("div", "", "bar");
-    const unit = what === "K" ? ` ${message.units[name] || ""}`.trimEnd() : " s";
+    const unit = what === "K" ? ` ${message.units[name] || ""}`.trimEnd() : "\u00a0s";
     const more = known(seconds) && seconds > 0 ? `; about ${span(seconds)} more of such driving` : "";
     bar.append(make("span", `next: ${SYMBOLS[what]} of ${readable(name)}, known to ±${fixed(sd, 2)}${unit}, needed ±${fixed(needed, 2)}${unit}${more}`));
     const share = document.createElement("progress");
@@ -116,7 +116,7 @@ export function drawEstimators(store) {
         const head = make("th");
         head.scope = "row";
         head.rowSpan = entries.length + 1;
-        head.append(make("span", "", `swatch ${e.estimator}`), make("span", e.estimator), document.createElement("br"));
+        head.append(make("span", "", `swatch ${e.estimator}`), make("span", e.estimator.toUpperCase()), document.createElement("br"));
         head.append(make("span", readable(e.status), "quiet"));
         if (shown.current && shown.message.value.estimator === e.estimator) {
           head.append(document.createElement("br"), make("span", "▶ headline", "mark"));
@@ -141,7 +141,7 @@ export function drawEstimators(store) {
       rows.push(row);
     });
     const row = make("tr");
-    const excitation = Object.entries(e.excitation).filter(([, x]) => known(x)).map(([name, x]) => `${readable(name)} ±${Number(x.toPrecision(2))} ${INPUT_UNITS[name] || ""}`.trim());
+    const excitation = Object.entries(e.excitation).filter(([, x]) => known(x)).map(([name, x]) => `${readable(name)} ±${Number(x.toPrecision(2))}\u00a0${INPUT_UNITS[name] || ""}`.trim());
     const facts = [e.says, known(e.fit_percent) ? `fit ${fixed(e.fit_percent, 0)} %` : "", known(e.used) ? `from ${fixed(e.used, 0)} s` : "",
       excitation.length ? `excitation: ${excitation.join(", ")}` : ""];
     const words = make("td", facts.filter((one) => one).join(" · "), "words");
@@ -214,7 +214,7 @@ export function drawMonitor(store) {
   const tests = tested && tested.value.residual_tests;
   const left = tests ? tests.left_over.map(readable) : [];
   say(byId("residual-tests"), !tests || !known(tests.statistic) ? "" : [
-    `residuals of ${tested.value.estimator}: ${tests.white ? "white" : "not white"} (Ljung–Box ${fixed(tests.statistic, 0)}, bound ${fixed(tests.bound, 0)})`,
+    `residuals of ${tested.value.estimator.toUpperCase()}: ${tests.white ? "white" : "not white"} (Ljung–Box ${fixed(tests.statistic, 0)}, bound ${fixed(tests.bound, 0)})`,
     left.length ? `response not all modelled: ${left.join(", ")}` : "no response left over",
   ].join(" · "));
 }
