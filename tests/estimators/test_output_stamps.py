@@ -37,9 +37,9 @@ def test_the_own_readings_are_found(between: str, every: int, first: int, decima
     assert between[:4] in says(trace(joined)).replace("held", "hold")
 
 
-SLOW, LATE = (
+SLOW, HELD, LATE = (
     SignalFinding(name, ("pedal",), 0.0, 60.0, "", "", False, withholds_delays=True)
-    for name in ("output_slow", "accel_late")
+    for name in ("output_slow", "output_held", "accel_late")
 )
 
 
@@ -68,6 +68,17 @@ def test_readings_at_other_instants_are_taken_one_a_sample(every: float, between
     thin, _ = at_own_stamps(slow, np.ones(1200, bool))
     assert round(thin.dt / given.dt) == np.ceil(every)
     assert "each sample that is fitted holds a new reading" in says(slow)
+
+
+def test_movements_of_a_held_pedal_are_taken_one_a_sample(seed: int) -> None:
+    """Where the gains are fitted by all samples; a model that has the holds keeps all samples."""
+    rng = np.random.default_rng(seed)
+    output = np.repeat(20.0 + rng.standard_normal(500), rng.integers(3, 11, 500))[:1200]
+    given, usable = trace(output)._replace(findings=(HELD,)), np.ones(1200, bool)
+    thin, _ = at_own_stamps(given, usable, held=True)
+    assert 6 <= round(thin.dt / given.dt) <= 8
+    assert at_own_stamps(given, usable)[0] is given
+    assert standing(given) == (HELD,)
 
 
 @pytest.mark.parametrize("step", [0.0, 0.4, 2.0])

@@ -163,3 +163,35 @@ def test_what_is_held_before_a_lag_is_found(period: float, tau: float, seed: int
         update = float(np.median([span.update for _, span in over]))
         assert update == pytest.approx(expected, abs=0.06), [span.kind for _, span in over]
         assert {span.kind for _, span in over} == ({"hold"} if source is held else {"points"})
+
+
+def moved_by_foot(seed: int, hz: float, duration: float) -> tuple[Array, Array]:
+    """Readings of a pedal in steps of 1/2.55 % that moves every 0.3 to 1 s, within so many s, and stands in between."""
+    rng = np.random.default_rng(seed)
+    at = np.cumsum(rng.uniform(0.3, 1.0, 300))
+    at = at[at < SECONDS]
+    steps = np.cumsum(np.r_[20.0, rng.normal(0.0, 2.0, len(at))])
+    t = np.arange(0.0, SECONDS, 1.0 / hz)
+    k = np.searchsorted(at, t, side="right")
+    share = np.minimum((t - np.r_[0.0, at][k]) / max(duration, 1e-6), 1.0)
+    value = steps[np.maximum(k - 1, 0)] + share * (steps[k] - steps[np.maximum(k - 1, 0)])
+    return t, np.round(2.55 * value) / 2.55
+
+
+@pytest.mark.parametrize("hz", [10.0, 20.0, 50.0])
+@pytest.mark.parametrize("duration", [0.0, 0.15])
+@mostly(0.9)
+def test_what_a_driver_holds_is_on_no_clock(duration: float, hz: float, seed: int) -> None:
+    """Steps every 0.3 to 1 s, at once or within 0.15 s; of the spans in which it is seen to be held, most."""
+    held = [span for span in spans(*moved_by_foot(seed, hz, duration)) if span.update > 0.135]
+    assert duration > 0.0 or len(held) >= 4
+    assert sum(not span.clock for span in held) >= 0.5 * len(held)
+
+
+@pytest.mark.parametrize("message_hz", [10.0, 20.0, 50.0])
+@pytest.mark.parametrize("hz", [1.43, 2.0, 3.3, 4.0])
+@mostly(0.9)
+def test_what_a_program_holds_is_on_a_clock(hz: float, message_hz: float, seed: int) -> None:
+    """At periods that are no multiple of the readings' as well; of a pedal in steps of its sensor."""
+    shown = spans(*readings(seed, hz, "hold", message_hz, 0.4))
+    assert sum(span.clock for span in shown) >= 0.6 * len(shown)

@@ -20,6 +20,7 @@ OWN = frozenset(
     (
         "input_slow",
         "output_slow",
+        "output_held",
         "range_rate_coarse",
         "speed_coarse",
         "range_rate_late",
@@ -58,7 +59,7 @@ def test_an_offset_that_is_held_shows_no_gain(role: str, kind: str, gains: bool)
     for k in range(3):
         span = ReadingSpan(role, 10.0 * k + 10.0, 0.2, kind, 0.0, 2.0)
         block = Block(span.t, DT, np.zeros((10, 10)), (), (), True, True, spans=(span,))
-        state, found = slow_signals.step(True, state, block)
+        state, found = slow_signals.step("input_slow", state, block)
     assert found is not None
     assert found.delays_only == gains
 
@@ -199,6 +200,24 @@ def test_an_output_of_every_second_sample_leaves_the_gains(kind: str, seed: int)
     assert set(found) & OWN == {"output_slow"}
     assert found["output_slow"].withholds_delays
     assert "5 Hz" in found["output_slow"].says
+
+
+@pytest.mark.parametrize("by_clock", [True, False])
+@mostly(0.9)
+def test_a_pedal_that_its_driver_holds_is_not_slow(by_clock: bool, seed: int) -> None:
+    """Moved every 0.3 to 1 s it has a finding of its own, which leaves the gains; every 0.6 s it is the recorder's."""
+    rng = np.random.default_rng([seed, 5])
+    waits = np.full(2000, 0.6) if by_clock else rng.uniform(0.3, 1.0, 2000)
+
+    def held(x: Array) -> Array:
+        t, at = DT * np.arange(len(x)), np.cumsum(waits)
+        newest = at[np.maximum(np.searchsorted(at, t, side="right") - 1, 0)]
+        return x[np.minimum(np.ceil(newest / DT - 1e-9).astype(int), len(x) - 1)]
+
+    found = {one.name: one for one in with_spans(changed("pedal", held)(following(seed)))}
+    assert set(found) & OWN == ({"output_slow"} if by_clock else {"output_held"})
+    one = found["output_slow" if by_clock else "output_held"]
+    assert (one.withholds, one.withholds_delays) == (by_clock, not by_clock)
 
 
 @pytest.mark.parametrize(("lost", "named"), [(0.05, False), (0.25, True), (0.4, True)])

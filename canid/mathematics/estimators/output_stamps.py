@@ -3,7 +3,9 @@
 What stands between two readings is a line or the last one, so those samples hold nothing of the driver. A line even holds
 the next reading: its noise has no innovation, and gains came out up to four times too large. Readings at every second to
 fifth sample are fitted as they are. Where they come at other instants, samples are taken as far apart as they are: each
-then holds a new reading, in a mean with its neighbour that leaves the gains alone and not the delays.
+then holds a new reading, in a mean with its neighbour that leaves the gains alone and not the delays. So does a pedal that
+the driver holds between movements: at every sample each movement answers the last step of the input alone, and gains came
+out at a tenth of the truth.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ IRREGULAR_SHARE = 0.5
 # s; of a wheel angle: a driver who steers answers after 0.12 s at the earliest (McRuer & Jex 1967: 0.1 to 0.2 s). In samples
 # farther apart the offset holds what the wheel did since the last one, and at 0.5 s K held on 1 of 3 drives
 MAX_STEERING_S = 0.2
-# finding of an output that is slower than the samples (signals/signal_checks/slow_signals.py)
-SLOW = "output_slow"
+# findings of signals/signal_checks/slow_signals.py: an output that is slower than the samples, one that its driver holds
+SLOW, HELD = "output_slow", "output_held"
 # of the largest value, what floats make of a line, and of times that differ by less than a nanosecond
 FLOAT_ROUNDING = 1e-9
 
@@ -98,24 +100,27 @@ def _regular(there: Flags, inner: Flags, between: str) -> Stamps | None:
     return None
 
 
-def of_trace(trace: Trace, usable: Flags) -> Stamps | None:
+def of_trace(trace: Trace, usable: Flags, held: bool) -> Stamps | None:
     """Find the samples of a drive that are fitted; None: all.
 
     Args:
         trace: of a drive, with the findings on its signals.
         usable: (n,) samples that are fitted.
+        held: movements of an output that the driver holds are taken for readings.
     """
-    return stamps(trace.output, usable, any(finding.name == SLOW for finding in trace.findings))
+    names = {SLOW, HELD} if held else {SLOW}
+    return stamps(trace.output, usable, any(finding.name in names for finding in trace.findings))
 
 
-def at_own_stamps(trace: Trace, usable: Flags) -> tuple[Trace, Flags]:
+def at_own_stamps(trace: Trace, usable: Flags, *, held: bool = False) -> tuple[Trace, Flags]:
     """Take the samples that are the output's own readings; a drive whose samples all are stays as it is.
 
     Args:
         trace: of a drive.
         usable: (n,) samples that are fitted.
+        held: take one sample a movement where the driver holds the output; a model of the holds needs all.
     """
-    slower = of_trace(trace, usable)
+    slower = of_trace(trace, usable, held)
     if slower is None:
         return trace, usable
     return thinned(trace, slower.every, slower.first), usable[slower.first :: slower.every]
@@ -151,10 +156,10 @@ def says(trace: Trace) -> str:
     Args:
         trace: of a drive, as it was read.
     """
-    slower = of_trace(trace, trace.learn)
+    slower = of_trace(trace, trace.learn, held=True)
     if slower is None:
         return ""
     how = "joined by lines" if slower.between == "line" else "held in between"
     if slower.own:
         return f"the output comes every {slower.every * trace.dt:.1f} s, {how}: its own readings alone are fitted"
-    return f"the output comes at instants of its own, {how}: each sample that is fitted holds a new reading"
+    return f"the output changes at instants of its own, {how}: each sample that is fitted holds a new reading"

@@ -34,6 +34,12 @@ BETWEEN_SHARE, KNOT_SHARE = 0.95, 0.6
 BENT = 3.0
 # of the times between new values: one that happens to be the old one again makes two of them one
 USUAL_QUANTILE = 0.25
+# s; sooner no person decides anew (Gawthrop 2011: 0.25 to 0.5 s), so that what is held is held by a program
+MIN_DECISION_S = 0.25
+# clocks that are tried, relative to the usual interval: of readings every 0.1 s a value of 0.25 s stands for 0.2 or 0.3 s;
+# turns over the span by which the next one differs; length of the mean phase vector, of a sender's clock but for the times
+# of its readings. Intervals that vary by 12 %, as of a person who keeps a rhythm, leave 0.6 on average
+CLOCK_RANGE, CLOCK_TURNS, CLOCKED = (0.7, 1.4), 0.25, 0.95
 # of the largest value; what floats make of a straight line
 FLOAT_ROUNDING = 1e-6
 # s, and of the median interval: nothing is joined or held over a longer one (`Role.stale`, sampling_grid.py), it is a pause
@@ -57,6 +63,7 @@ class ReadingSpan(NamedTuple):
     kind: str  # what stands between new values: "points" nothing, "hold" the last one, "line" a straight line
     step: float  # of the lattice of the values, between two values their difference; 0: none
     changes: float  # 1/s, how often the value changes
+    clock: bool = True  # new values come at one phase of a clock, or sooner than a person acts
 
 
 class Span(NamedTuple):
@@ -125,19 +132,20 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     resolution = lattice_step(value)
     changed = np.flatnonzero(np.diff(value)) + 1
     changes = len(changed) / float(t[-1] - t[0])
-    kind, update = "points", interval if len(changed) else NAN
+    kind, update, clock = "points", interval if len(changed) else NAN, True
     if (held := _held(t, value, changed)) > 0.0:
-        kind, update = "hold", held
-    elif (joined := _joined(t, value, resolution)) > 0.0:
+        kind, update, clock = "hold", held, _clocked(t[changed], np.diff(t))
+    elif (joined := _joined(t, value, resolution)) is not None:
         # too few jumps to be called held: the lines are level
-        kind, update = ("line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"), joined
-    elif (lagged := _lagged(t, value, resolution)) > 0.0:
-        kind, update = "hold", lagged
+        kind = "line" if np.median(np.abs(np.diff(value))) > 0.0 else "hold"
+        update, clock = joined
+    elif (lagged := _lagged(t, value, resolution)) is not None:
+        kind, (update, clock) = "hold", lagged
     elif (rounded := rounded_lines.period(t, value, max(resolution, decimals_step(value)))) > 0.0:
         kind, update = "line", rounded
     values = np.unique(value)
     step = resolution if len(values) != 2 else float(values[1] - values[0])
-    return ReadingSpan(role, at, update, kind, step, changes)
+    return ReadingSpan(role, at, update, kind, step, changes, clock)
 
 
 def usual_interval(intervals: Array) -> float:
@@ -181,30 +189,58 @@ def _coherent(t: Array, period: float, needed: int) -> bool:
     return len(t) >= needed and bool(np.abs(np.exp(2j * np.pi * turns).mean(axis=0)).max() > COHERENT)
 
 
-def _lagged(t: Array, value: Array, resolution: float) -> float:
-    """Seconds for which values are held before a lag of first order (a filter of what comes too rarely); 0: they are not.
+def _clocked(t: Array, readings: Array) -> bool:
+    """Whether new values at times t (n,) s come at one phase of a clock, or sooner than a person acts.
+
+    Read at intervals of r s, they come up to r s late, which leaves sinc(r / period) of the mean phase vector.
+
+    Args:
+        t: (n,) s, ascending.
+        readings: (m,) s, between readings.
+    """
+    interval, between = usual_interval(readings), np.sort(np.diff(t))
+    shortest = float(np.quantile(between, USUAL_QUANTILE))
+    if interval <= EVEN * float(np.median(readings)) and shortest < 1.5 * interval:
+        # a movement that lasts for two readings has a value of its own in each: an instant is usually in a longer interval
+        shortest = float(between[np.searchsorted(np.cumsum(between), 0.5 * between.sum())])
+    if shortest < MIN_DECISION_S:
+        return True
+    low, high = (
+        1.0 / (CLOCK_RANGE[1] * shortest),
+        min(1.0 / (CLOCK_RANGE[0] * shortest), 1.0 / MIN_DECISION_S),
+    )
+    turn = CLOCK_TURNS / float(t[-1] - t[0])
+    hz = np.arange(low, high + turn, turn)
+    agree = np.abs(np.exp(2j * np.pi * np.outer(hz, t)).mean(axis=1))
+    return bool((agree > CLOCKED * np.sinc(interval * hz)).any())
+
+
+def _lagged(t: Array, value: Array, resolution: float) -> tuple[float, bool] | None:
+    """Seconds for which values are held before a lag of first order (a filter of what comes too rarely); None: they are not.
 
     Each change is then the same share of the one before, but for the one with which a new value comes.
     """
     dt, change = np.diff(t), np.diff(value)
     visible = np.abs(change[:-1]) > VISIBLE_STEPS * max(resolution, decimals_step(value))
     if np.count_nonzero(visible) < MIN_READINGS or float(dt.max()) > EVEN * float(dt.min()):
-        return 0.0
+        return None
     share = float(np.median(change[1:][visible] / change[:-1][visible]))
     if not LAG_SHARES[0] < share < LAG_SHARES[1]:
-        return 0.0
+        return None
     return _between_knots(t, value, change / dt, np.abs(change[1:] - share * change[:-1]), resolution)
 
 
-def _joined(t: Array, value: Array, resolution: float) -> float:
-    """Seconds between the knots of straight lines; 0: there are none."""
+def _joined(t: Array, value: Array, resolution: float) -> tuple[float, bool] | None:
+    """Seconds between the knots of straight lines, and whether they are on a clock; None: there are none."""
     dt = np.diff(t)
     slope = np.diff(value) / dt
     return _between_knots(t, value, slope, np.abs(np.diff(slope)) * np.minimum(dt[1:], dt[:-1]), resolution)
 
 
-def _between_knots(t: Array, value: Array, slope: Array, bend: Array, resolution: float) -> float:
-    """Seconds between the readings at which the values bend; 0: they do not bend at some alone.
+def _between_knots(
+    t: Array, value: Array, slope: Array, bend: Array, resolution: float
+) -> tuple[float, bool] | None:
+    """Seconds between the readings at which the values bend, and whether on a clock; None: they do not at some alone.
 
     Args:
         t: (n,) s.
@@ -221,12 +257,12 @@ def _between_knots(t: Array, value: Array, slope: Array, bend: Array, resolution
     bent = bend > limit
     even, odd = (float(np.mean(~bent[k::2])) for k in (0, 1))
     if max(even, odd) >= BETWEEN_SHARE and min(even, odd) <= KNOT_SHARE:
-        return 2.0 * float(np.median(dt))
+        return 2.0 * float(np.median(dt)), True
     first = np.flatnonzero(np.diff(bent.astype(int), prepend=0) == 1)
     length = np.bincount(np.cumsum(np.diff(bent.astype(int), prepend=0) == 1)[bent])[1:]
     # a knot between two readings bends at both
     if len(first) < MIN_KNOTS:
-        return 0.0
+        return None
     if length.max() > MIN_RUN or np.sort(np.diff(first))[1] <= MIN_RUN:
         irregular = (
             # level ones are a value that is held, or coarse
@@ -234,11 +270,9 @@ def _between_knots(t: Array, value: Array, slope: Array, bend: Array, resolution
             and np.median(bend[bent]) >= SURELY_BENT * limit
             and length[length <= MAX_KNOT_RUN].sum() >= KNOTS_SHARE * length.sum()
         )
-        return usual_interval(np.diff(t[first])) if irregular else 0.0
+        return (usual_interval(np.diff(t[first])), _clocked(t[first], dt)) if irregular else None
     period = float(np.quantile(np.diff(t[first]), USUAL_QUANTILE))
     # where rounding hides how straight the lines are, their knots are at one phase of a clock
-    return (
-        period
-        if np.median(bend[bent]) >= BENT * limit or _coherent(t[first], period, MIN_COHERENT_KNOTS)
-        else 0.0
-    )
+    if np.median(bend[bent]) >= BENT * limit or _coherent(t[first], period, MIN_COHERENT_KNOTS):
+        return period, _clocked(t[first], dt)
+    return None

@@ -84,7 +84,7 @@ def fitted_trace(trace: Trace) -> Trace:
             # what a wrong signal has touched bounds nothing either
             bound = np.where(trusted(trace.t, trace.findings), bound, math.nan)
         trace = trace._replace(learn=used, bound=bound)
-    return speed_difference.without_common_noise(*output_stamps.at_own_stamps(trace, used))[0]
+    return speed_difference.without_common_noise(*output_stamps.at_own_stamps(trace, used, held=True))[0]
 
 
 def drive_time(

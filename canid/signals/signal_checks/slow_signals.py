@@ -32,6 +32,8 @@ LATE_WHERE_HELD = "lateral_offset"
 KEPT_SPANS, NEEDED_SPANS = 6, 3
 # roles that the inputs are made of; any other that comes is the output
 INPUTS = frozenset(("gap", "range_rate", "speed", "lateral_offset"))
+# of a role that a driver holds between movements, at no fixed rate. Of a wheel angle nothing was measured
+BY_FOOT = "pedal"
 BETWEEN = {"points": "", "hold": ", held in between", "line": ", joined by lines"}
 
 
@@ -40,6 +42,7 @@ class Update(NamedTuple):
 
     seconds: float  # s between new values
     kind: str
+    clock: bool = True
 
 
 class Shown(NamedTuple):
@@ -60,11 +63,11 @@ def init() -> State:
     return State()
 
 
-def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]:
+def step(name: str, state: State, block: Block) -> tuple[State, Found | None]:
     """Take a block.
 
     Args:
-        inputs: watch the inputs' roles; else the output's.
+        name: of the finding that is looked for.
         state: from `init()` or the step before.
         block: of a second.
 
@@ -75,19 +78,22 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         >>> for k in range(3):
         ...     span = ReadingSpan("pedal", 10.0 * k + 10.0, 0.5, "points", 0.0, 2.0)
         ...     block = Block(span.t, 0.1, rows, (), (), True, True, spans=(span,))
-        ...     state, found = step(False, state, block)
+        ...     state, found = step("output_slow", state, block)
         >>> found.says
         'pedal comes at 2 Hz: tau and theta cannot be identified below 0.5 s'
     """
     shown = dict(state.shown)
     for span in block.spans:
-        if (span.role in INPUTS) == inputs and span.update == span.update:
+        if (span.role in INPUTS) == (name == "input_slow") and span.update == span.update:
             # the readings' own time, and the estimators' where they differ after a restart
             before = shown.get(span.role) or Shown(max(min(span.t, block.t) - SPAN_S, 0.0), ())
-            updates = (*before.updates, Update(span.update, span.kind))[-KEPT_SPANS:]
+            updates = (*before.updates, Update(span.update, span.kind, span.clock))[-KEPT_SPANS:]
             shown[span.role] = before._replace(updates=updates)
     state = State(shown)
     slow = {role: update for role, seen in shown.items() if (update := _slow(seen.updates)) is not None}
+    held = slow.pop(BY_FOOT) if BY_FOOT in slow and not slow[BY_FOOT].clock else None
+    if name == "output_held":
+        return state, None if held is None else _held(held, shown[BY_FOOT].since)
     if not slow:
         return state, None
     parts: dict[str, list[str]] = {}
@@ -98,7 +104,7 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
         f"{', '.join(roles)} {'comes' if len(roles) == 1 else 'come'} {how}" for how, roles in parts.items()
     )
     longest = max(update.seconds for update in slow.values())
-    delays_only = longest <= (MAX_UPDATE_S if inputs else MAX_OUTPUT_UPDATE_S)
+    delays_only = longest <= (MAX_UPDATE_S if name == "input_slow" else MAX_OUTPUT_UPDATE_S)
     late = slow.get(LATE_WHERE_HELD)
     delays_only = delays_only and (late is None or late.kind != "hold")
     what = "the response is not identifiable"
@@ -107,20 +113,35 @@ def step(inputs: bool, state: State, block: Block) -> tuple[State, Found | None]
     says = f"{named}: {what}"
     since = min(shown[role].since for role in slow)
     remedy = f"record {', '.join(map(readable, slow))} at 8 Hz or more"
-    name = "input_slow" if inputs else "output_slow"
+    if BY_FOOT in slow and slow[BY_FOOT].kind == "hold":
+        remedy += "; a driver who moves it by a clock shows the same"
     return state, Found(name, tuple(slow), since, says, remedy, delays_only=delays_only)
+
+
+def _held(update: Update, since: float) -> Found:
+    """What is said of a pedal that stands between movements at no fixed rate: the hold is in tau + theta, and gains stay."""
+    says = (
+        f"{BY_FOOT} stands still between movements some {update.seconds:.2g} s apart, at no fixed rate: a driver who acts "
+        "and waits, or a program that held what came irregularly; tau and theta contain the hold"
+    )
+    remedy = f"nothing is wrong where the driver did so; else record {BY_FOOT} as it comes"
+    return Found("output_held", (BY_FOOT,), since, says, remedy, delays_only=True)
 
 
 def _slow(updates: tuple[Update, ...]) -> Update | None:
     """How the value is updated where enough spans show that delays are not identifiable.
 
-    Not each of them shows the knots of lines.
+    Not each of them shows the knots of lines. On a clock if half of them are.
     """
     slow = sorted(update for update in updates if update.seconds > MAX_DELAYS_UPDATE_S)
-    return slow[(len(slow) - 1) // 2] if len(slow) >= NEEDED_SPANS else None
+    if len(slow) < NEEDED_SPANS:
+        return None
+    clock = 2 * sum(update.clock for update in slow) >= len(slow)
+    return slow[(len(slow) - 1) // 2]._replace(clock=clock)
 
 
 CHECKS = (
-    Check("input_rate", init, partial(step, True)),
-    Check("output_rate", init, partial(step, False)),
+    Check("input_rate", init, partial(step, "input_slow")),
+    Check("output_rate", init, partial(step, "output_slow")),
+    Check("output_holds", init, partial(step, "output_held")),
 )
