@@ -50,6 +50,7 @@ def test_too_short_a_drive_shows_no_cause() -> None:
     assert averaged_gain.shown(part(given, slice(0, round(60.0 / given.dt)))) == ()
 
 
+@seeds.mostly(0.8)
 def test_in_the_lane_as_well(seed: int) -> None:
     """A driver who lets the car move within a zone steers the less the wider it is."""
     made = make(LaneDrive(SIMULATORS[seed % 2], "lateral_dead_zone", seed))
