@@ -244,7 +244,7 @@ class _Reading:
             is_frame[k] = False
             item = line(block, k, int(block.ends[k - 1]) if k else 0, int(block.ends[k]))
             self._count.miss(item, "its time is damaged")
-        self._count.read += int(is_frame.sum())
+        self._count.took(block.number, np.flatnonzero(is_frame))
         if self._first is None and is_frame.any():
             k = int(is_frame.argmax())
             self._first = int(now[k])
