@@ -146,7 +146,9 @@ def test_a_log_of_symbolic_names_is_refused(tmp_path: Path, names: tuple[str, st
     path.write_text(
         "\n".join(["date Wed Aug 5 10:00:00 am 2026", "base hex  timestamps absolute", *lines, ""])
     )
-    with pytest.raises(ConfigError, match=r"line [5-9]: '.*' is a message's name, and no id: log ids instead"):
+    with pytest.raises(
+        ConfigError, match=r"line [5-9]: '.*' is a message's name, and no id: log ids instead"
+    ):
         open_log(path)
     numbers = [line.replace(names[k % 2], f"{0x100 + k:X}") for k, line in enumerate(lines)]
     numbers[3] = numbers[3].replace(" 103 ", " 1Z3 ")
