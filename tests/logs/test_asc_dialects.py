@@ -9,7 +9,7 @@ import pytest
 
 from canid.io.logs import open_log
 from canid.io.logs.asc import asc_date, asc_fd_base
-from canid.values.errors import DAMAGED, DamagedLogError
+from canid.values.errors import DAMAGED, ConfigError, DamagedLogError
 from canid.values.types import Flag
 
 HEAD = "date Mon Mar 3 10:00:00.000 am 2025\n"
@@ -136,3 +136,24 @@ def test_a_healthy_log_is_shown_without_a_word_of_lines(
     path.write_text(path.read_text() + "0.2 1 100 TxRq d 0\n")
     assert main(["look", str(path)]) == 0
     assert "1 transmit requests" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("names", [("EngineData", "ABS_1"), ("EngineData", "FE"), ("AB", "Brake_Status")])
+def test_a_log_of_symbolic_names_is_refused(tmp_path: Path, names: tuple[str, str]) -> None:
+    """In one line with what to do: a name may look like an id, so none of it is read; an id that is damaged is damage."""
+    path = tmp_path / "x.asc"
+    lines = [f"   {0.01 * k:.6f} 1  {names[k % 2]:15s} Rx   d 2 {k:02X} 00" for k in range(200)]
+    path.write_text(
+        "\n".join(["date Wed Aug 5 10:00:00 am 2026", "base hex  timestamps absolute", *lines, ""])
+    )
+    with pytest.raises(
+        ConfigError, match=r"line [5-9]: '.*' is a message's name, and no id: log ids instead"
+    ):
+        open_log(path)
+    numbers = [line.replace(names[k % 2], f"{0x100 + k:X}") for k, line in enumerate(lines)]
+    numbers[3] = numbers[3].replace(" 103 ", " 1Z3 ")
+    path.write_text(
+        "\n".join(["date Wed Aug 5 10:00:00 am 2026", "base hex  timestamps absolute", *numbers, ""])
+    )
+    log = open_log(path)
+    assert (len(list(log)), log.damaged) == (199, 1)

@@ -42,7 +42,8 @@ def lines(path: Path, frames: list[Frame]) -> list[str]:
 
 def twice(kind: str, one: list[str], rng: np.random.Generator) -> list[str]:
     n = len(one)
-    a, b = sorted(rng.integers(200, n - 200, 2).tolist())
+    a = int(rng.integers(200, n - 600))
+    b = int(rng.integers(a + 300, n - 200))
     return {
         "appended": one + one,
         "three times": one * 3,

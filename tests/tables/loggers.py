@@ -96,6 +96,20 @@ def tunerstudio(of: Columns) -> str:
     return head + "\n".join(rows) + "\n"
 
 
+def labview(of: Columns) -> str:
+    """LabVIEW's .lvm: two headers, decimal commas, units above the names, a column of comments that is empty."""
+    head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\nX_Columns\tOne\nDate\t2026/08/05\n"
+    head += "Time\t10:00:00,1234567\n***End_of_Header***\t\n\t\nChannels\t4\t\t\t\t\n"
+    head += "Date\t2026/08/05\t2026/08/05\t2026/08/05\t2026/08/05\t\nY_Unit_Label\tkm/h\t%\tm\tm/s\t\n"
+    head += "X_Dimension\tTime\tTime\tTime\tTime\t\nDelta_X\t0,1\t0,1\t0,1\t0,1\t\n***End_of_Header***\t\t\t\t\t\n"
+    head += "X_Value\tSpeed\tPedal\tgap\trange_rate\tComment\n"
+    rows = [
+        f"{t:.3f}\t{v * 3.6:.5f}\t{pedal:.4f}\t{gap:.5f}\t{rate:.5f}\t".replace(".", ",")
+        for t, v, pedal, gap, rate in zip(*of, strict=True)
+    ]
+    return head + "\n".join(rows) + "\n"
+
+
 def torque(of: Columns) -> str:
     """Torque Pro's: units in a second pair of brackets, the header again between the rows, "-" for nothing."""
     head = "Device Time, Longitude, Latitude,GPS Speed (Meters/second), G(x),Accelerator PedalPosition D(%),"
@@ -116,5 +130,6 @@ EXPORTS: dict[str, tuple[str, Callable[[Columns], str]]] = {
     "RaceCapture": (".csv", racecapture),
     "RaceChrono": (".csv", racechrono),
     "TunerStudio": (".msl", tunerstudio),
+    "LabVIEW": (".lvm", labview),
     "Torque Pro": (".csv", torque),
 }

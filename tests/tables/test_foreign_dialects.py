@@ -222,6 +222,10 @@ def test_lines_that_end_with_a_return_alone_are_named(tmp_path: Path) -> None:
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "git lfs pull"),
         (b"<!DOCTYPE html>\n<html><body>404</body></html>\n", "page of a web server"),
         (b"%PDF-1.4\n1 0 obj\n<< /Type /Catalog >>\n", "is a PDF"),
+        (b"\xfd7zXZ\x00\x00\x04", "compressed by xz: unpack it"),
+        (b"\x28\xb5\x2f\xfd\x24", "compressed by zstd: unpack it"),
+        (b"BZh91AY&SY", "compressed by bzip2: unpack it"),
+        (b"7z\xbc\xaf\x27\x1c\x00\x04", "7-Zip archive: unpack it"),
     ],
 )
 @pytest.mark.parametrize("suffix", [".csv", ".asc", ".blf", ".parquet"])

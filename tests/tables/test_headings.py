@@ -158,3 +158,28 @@ def test_measured_headings() -> None:
         np.testing.assert_array_equal(a.data, b.data)
     assert "accel = acc" in open_table(folder / "acc_pedal.csv").columns
     assert "gap = headway [m]" in open_table(folder / "headway_unit.csv").columns
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "CAN 1::ABS::Speed [m/s]",
+        "ABS.Speed",
+        "Speed@ABS",
+        "/abs/speed",
+        "ABS: Speed",
+        "CAN2/ECM/VehicleSpeed",
+    ],
+)
+def test_a_heading_with_its_sender_is_what_stands_behind_it(tmp_path: Path, name: str) -> None:
+    """A bus and a control unit say nothing of a signal; of two that may be meant none is taken, nor another speed."""
+    path = tmp_path / "x.csv"
+    rows = "".join(f"{t:.1f},{v:.3f},30,0,0,1\n" for t, v in zip(T, SPEED, strict=True))
+    path.write_text(f"time,{name},gap,range_rate,accel,ECM::Gap\n{rows}", encoding="utf-8")
+    table = open_table(path)
+    assert f"speed = {name}" in table.columns
+    assert "gap = gap," in table.columns
+    for others in ("ABS.Speed,gap,range_rate,accel,ECM.Speed", "Fan.Speed,gap,range_rate,accel,ABS.Limit"):
+        path.write_text(f"time,{others}\n{rows}", encoding="utf-8")
+        with pytest.raises(ConfigError, match="speed"):
+            open_table(path)

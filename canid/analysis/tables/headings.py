@@ -115,6 +115,11 @@ _STANDARD = re.compile(r"\s*\(SAE\)", re.IGNORECASE)  # whose definition a chann
 _SOURCE = re.compile(r"(\s*[\[(][^\[\]()]*[\])])\s*\*(\w+)$")  # RaceChrono's "Speed (m/s) *obd"
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _ELISION = re.compile(r"\b[dl]['\u2019](?=\w)", re.IGNORECASE)  # "pédale d'accélérateur"
+# the bus, or the control unit, that has sent a signal: "CAN 1::ABS::Speed", "ABS.Speed", "Speed@ABS"
+_UNIT = r"(?:(?:can|bus|ch|channel)[ _-]?\d{0,2}|abs|esp|esc|ebs|ecm|pcm|ecu|ems|dme|tcm|vdc|dsc|radar|chassis|powertrain)"
+_SENDER = re.compile(
+    rf"^/?(?:{_UNIT}(?:::|[./\\:])\ *)+(?=\w)|(?<=\w)[@\\]{_UNIT}(?=\s*(?:[\[(]|$))", re.IGNORECASE
+)
 # characters; a heading that is longer names no role
 MAX_HEADING = 200
 # a signal's heading with the path of what has it
@@ -156,8 +161,17 @@ def parsed_without_path(headings: Sequence[str]) -> list[Heading]:
     Example:
         >>> [head.name for head in parsed_without_path(["time", *(f"Model Root/{x}" for x in ("Speed", "Gap", "Pedal"))])]
         ['time', 'speed', 'gap', 'pedal']
+        >>> [head.name for head in parsed_without_path(["CAN 1::ABS::Speed [km/h]", "ECM.Gap", "gap"])]
+        ['speed', 'ecm_gap', 'gap']
     """
     parsed = [heading(text) for text in headings]
+    known = {*map(role_of, parsed)}
+    # what no column without a sender is
+    bare = [heading(_SENDER.sub("", head.text.strip()))._replace(text=head.text) for head in parsed]
+    parsed = [
+        head if role_of(head) or role_of(short) in known else short
+        for head, short in zip(parsed, bare, strict=True)
+    ]
     matches = [_PATH.fullmatch(text.strip()) for text in headings]
     paths = {match["path"] for match in matches if match is not None}
     signals = sum(match is not None for match in matches)

@@ -221,6 +221,7 @@ def _count_times(
     times: time_column.Times, by_role: Mapping[str, Found], table: rows.Rows, count: LineCount
 ) -> None:
     """Count the rows whose cell of the time holds none: one that is not empty is damaged."""
+    known = table.lines[np.isfinite(times.t)]
     for k in np.flatnonzero(~np.isfinite(times.t)).tolist():
         count.read -= 1
         place = by_role[TIME].place
@@ -230,7 +231,10 @@ def _count_times(
         if empty:
             count.others["rows without a time"] += 1
         else:
-            count.miss(Line("", int(table.lines[k]), True), "its time is damaged")
+            number = int(table.lines[k])
+            word = count.rows_in_words.get(number, "") if number > known.max(initial=0) else ""
+            count.miss(Line(word, number, True), "its time is damaged")
+    count.settle()
 
 
 def _lacking(source: Source, resolved: Resolved, lacking: list[str], says: Remedies) -> str:

@@ -100,11 +100,8 @@ class Copies:
             return chunk
         mark, t = marks(chunk), chunk.t
         before = np.maximum.accumulate(np.concatenate([[self._latest], t]))[:-1]
-        if (
-            self._in_row
-            or (before - t > _STEP_BACK_S).any()
-            or (t <= before).sum() >= min(_IN_A_ROW, _SHARE_TWICE * len(t))
-        ):
+        again = (t <= before).sum() >= min(_IN_A_ROW, _SHARE_TWICE * len(t)) and t.min() < t.max()
+        if again or self._in_row or (before - t > _STEP_BACK_S).any():
             return self._judged(chunk, mark, last)
         return self._kept(chunk, mark)
 

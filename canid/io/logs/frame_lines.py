@@ -89,7 +89,7 @@ def read(
         fixed = merged(fixed, [(k, row[1:]) for k, row in rows])
         fixed.ns[[k for k, _ in rows]] = [row.ns for _, row in rows]
         kept = np.flatnonzero(fixed.found)
-        count.read += len(kept)
+        count.took(block.number, kept)
         columns = Columns(np.zeros(len(fixed.ns)), *fixed[2:])
         yield from times.step(fixed.ns[kept], select(columns, kept), wanted)
     if times.waiting:

@@ -19,6 +19,10 @@ _OTHERS = (
     (b"<html", "is a page of a web server, not the file itself: download it anew"),
     (b"%pdf-", "is a PDF: export the numbers as .csv"),
     (b"pk\x03\x04", "is a ZIP archive, or a workbook: unpack it, or save it as .csv"),
+    (b"\xfd7zxz\x00", "is compressed by xz: unpack it, or compress it by gzip, which is read"),
+    (b"\x28\xb5\x2f\xfd", "is compressed by zstd: unpack it, or compress it by gzip, which is read"),
+    (b"bzh91ay&sy", "is compressed by bzip2: unpack it, or compress it by gzip, which is read"),
+    (b"7z\xbc\xaf\x27\x1c", "is a 7-Zip archive: unpack it"),
 )
 
 

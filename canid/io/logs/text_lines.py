@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import codecs
 import gzip
+import re
+import sys
 import zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -42,6 +44,12 @@ _SHORT_LINE, _MANY_SHORT = 16, 64
 _VISIBLE = np.array([not chr(k).isspace() for k in range(256)])
 # UTF-8's byte order mark, each of its bytes one character
 _MARK = "\xef\xbb\xbf"
+# a word first, a number and words, the same mark several times, or the end of a file of CP/M
+_FOOTER = re.compile(
+    r"[^\w\x00-\x1f]{0,8}(?!(?i:nan|null)\b)[^\W\d_]{3,40}(?![\w#])[^\x00-\x08]*$"
+    r"|[^\w\x00-\x1f]{0,8}\d[\d.,]{0,15}(?: [^\W\d_]{3,40}){1,8}\W{0,8}$|([*=#~_-])\1{2,}\s*$|\x1a$|\^C$"
+)
+FOOTER_LINES, MAX_FOOTER_LINES = "footer lines", 60
 _BOMB = f"it unpacks to more than {MAX_UNPACKED_RATIO} times its size; unpack it with gunzip, and read that, if it should"
 
 
@@ -53,6 +61,17 @@ class Line(NamedTuple):
     whole: bool  # False: the file ends, or the line is cut, before the line's end
     begin: int = 0  # its first byte in the file
     end: int = 0  # one past its last byte
+
+
+def is_footer(text: str) -> bool:
+    """Whether a line is in words, as programs write them behind the last frame or row: no piece of one begins so.
+
+    >>> is_footer("End of file"), is_footer("(600 rows affected)"), is_footer("Mean,20.5,31"), is_footer("-----")
+    (True, True, True, True)
+    >>> is_footer("can0 123#11"), is_footer("20.5,31"), is_footer("Rx d 8 01"), is_footer("0.5 1 123 Rx d 8 ABBA")
+    (False, False, False, False)
+    """
+    return _FOOTER.match(text) is not None
 
 
 class Bad(ValueError):  # noqa: N818  (internal: counted as damage)
@@ -69,9 +88,42 @@ class LineCount:
     bad: int = 0  # damaged
     damaged: DamagedSpans = field(default_factory=DamagedSpans)
     cut: bool = False  # reading ended early: the number of lines is unknown
+    last: int = 0  # number of the last line that is a frame
+    rows_in_words: dict[int, str] = field(
+        default_factory=dict
+    )  # line of a table's row that begins with a word -> it
+    worded: list[tuple[Line, str]] = field(
+        default_factory=list
+    )  # lines in words behind it, and why they are no frames
+
+    def took(self, first: int, rows: npt.NDArray[np.int64]) -> None:
+        """Count frames: their rows among lines of which the first has this number."""
+        self.read += len(rows)
+        self.last = first + int(rows[-1]) if len(rows) else self.last
+        self._miss_worded(self.last)
 
     def miss(self, line: Line, why: str) -> None:
-        """Count a damaged line."""
+        """Count a damaged line; one in words is none where no frame follows."""
+        if len(self.worded) < MAX_FOOTER_LINES and is_footer(line.text):
+            self.worded.append((line, why))
+            return
+        self._miss_worded()
+        self._miss(line, why)
+
+    def settle(self) -> None:
+        """Take lines in words at the end for the footer: all lines were counted."""
+        if not self.read:
+            self._miss_worded()
+        self.others[FOOTER_LINES] += len(self.worded)
+        self.others += Counter()  # without what is 0
+        self.worded.clear()
+
+    def _miss_worded(self, before: int = sys.maxsize) -> None:
+        """Lines in words before the line of this number are damaged."""
+        while self.worded and self.worded[0][0].number < before:
+            self._miss(*self.worded.pop(0))
+
+    def _miss(self, line: Line, why: str) -> None:
         self.bad += 1
         self.damaged.add(line.begin, line.end, f"line {line.number}: {why}")
 
@@ -81,6 +133,7 @@ class LineCount:
 
     def close(self, path: Path, state: ReadState) -> None:
         """Sum up. Raises LogError if there was damage and not one frame."""
+        self.settle()
         state.frames, state.events, state.damaged = self.read, self.events, self.bad + self.cut
         state.other_kinds = Counter(self.others)
         state.damage = self.damage("frame lines")

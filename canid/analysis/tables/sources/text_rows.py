@@ -9,16 +9,18 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.io.logs.text_lines import Block, LineCount, filled
+from canid.io.logs.text_lines import MAX_FOOTER_LINES, Block, LineCount, filled, is_footer
 from canid.io.logs.text_lines import line as line_of
 
 _Bools = npt.NDArray[np.bool_]
 _HASH, _QUOTE, _NUL, _FEED, _RETURN = b'#"\0\n\r'
+_LETTERS = np.array([chr(k).isalpha() for k in range(256)])
 _BLANKS = np.array([chr(k).isspace() for k in range(256)])
 # TunerStudio's lines that say where a mark was set
 _MARKS = b"MARK "
@@ -45,6 +47,7 @@ class RowForm(NamedTuple):
     skip: int  # the line of the header, or of its units: the rows come behind it
     headers: frozenset[bytes]  # its lines that may be repeated among the rows
     hashes: bool  # a row may begin with "#"
+    words: bool = False  # or with a word
 
     def cells(self, text: bytes) -> list[str]:
         """The cells of a line. Raises ValueError with what is wrong with it.
@@ -93,12 +96,18 @@ class RowForm(NamedTuple):
         for k in np.flatnonzero(doubtful).tolist():
             line = block.data[int(begin[k]) : int(block.ends[k])]
             outcome = self._doubtful(line, count)
+            few = len(count.rows_in_words) < MAX_FOOTER_LINES
+            if isinstance(outcome, list) and few and not self.words and is_footer(outcome[0]):
+                count.rows_in_words[block.number + k] = outcome[0]
             if isinstance(outcome, str):
-                count.miss(line_of(block, k, int(begin[k]), int(block.ends[k])), outcome)
+                item = line_of(block, k, int(begin[k]), int(block.ends[k]))
+                count.miss(item._replace(text="") if self.words else item, outcome)
             elif outcome is not None:
                 good[k], cells[k] = True, outcome
         which = np.flatnonzero(good)
-        count.read += len(which)
+        worded = np.isin(which, [row - block.number for row in count.rows_in_words])
+        count.took(block.number, which[~worded])
+        count.read += int(worded.sum())
         if len(which) == len(good) and not cells:
             return Rows(numbers, [], block.data, [])
         edges = zip(begin[which].tolist(), block.ends[which].tolist(), strict=True)
@@ -118,6 +127,8 @@ class RowForm(NamedTuple):
         n = np.diff(np.searchsorted(marks, np.concatenate([[0], ends]))) + bool(self.delimiter)
         good = n == self.width
         doubtful = ~good | (octets[begin] == _HASH)
+        if not self.words:
+            doubtful |= _LETTERS[octets[begin]]
         quoted = np.zeros(len(good), bool)
         at = np.flatnonzero(octets == _QUOTE)
         quoted[np.searchsorted(ends, at, "right")] = True
@@ -202,6 +213,8 @@ def form(
     """
     rows = [text for text in texts[skip:] if text.strip()]
     hashes = sum(text.startswith(b"#") for text in rows) * 2 > len(rows)
+    letters = [bool(_LETTERS[text[0]]) for text in rows]
+    words = letters[:1] == [True] or any(a and not b for a, b in pairwise(letters))
     made = RowForm(
         delimiter.encode(),
         encoding.removesuffix("-sig"),
@@ -209,6 +222,7 @@ def form(
         numbers[skip - 1] if skip else 0,
         frozenset(text.removeprefix(b"\xef\xbb\xbf") for text in texts[header:skip] if text.strip()),
         hashes,
+        words,
     )
     widths: Counter[int] = Counter()
     for text in rows:

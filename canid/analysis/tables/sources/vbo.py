@@ -177,7 +177,7 @@ def _read(file: Path) -> tuple[str, dict[str, list[str]], Array | None, LineCoun
                 if why:
                     count.miss(line_of(block, k, begin, end), why)
                 else:
-                    count.read += 1
+                    count.took(block.number + k, np.zeros(1, np.int64))
                     flat += map(_number, cells)
             begin = end
         if flat:

@@ -18,6 +18,8 @@ from canid.values.frame_columns import DLC_BYTES, MAX_EXTENDED_ID, MAX_STANDARD_
 from canid.values.types import Flag
 
 _ID_WORD = re.compile(r"([0-9a-fA-F]{1,9})(x?)")
+# letters of a name that no id has; a damaged id has one
+_NO_DIGIT = re.compile(r"[g-zG-Z_]")
 _HEX = re.compile(r"[0-9a-fA-F]{1,8}")
 _DIRECTIONS = {"rx": 0, "tx": int(Flag.TX)}
 # Channels have numbers of one or two digits; a larger one than this, which no .blf can hold either, is damage.
@@ -47,6 +49,13 @@ _FLAG_BITS = 0x307EDC
 _LINE_TIME = re.compile(r"\d+[.,]\d{3,}")
 # words of a CAN FD error frame: text, 64 bytes of data, and numbers
 _MAX_ERROR_FRAME_WORDS = 100
+
+
+class NamedMessage(Bad):
+    """A line that has a message's name for its id, as Vector's tools log with a database."""
+
+    def __init__(self, name: str):
+        super().__init__(f"{name[:32]!r} is a message's name, and no id")
 
 
 class Parsed(NamedTuple):
@@ -242,7 +251,7 @@ def _bus(word: str) -> int:
 def _id(word: str, base: int) -> tuple[int, int]:
     match = _ID_WORD.fullmatch(word)
     if not match:
-        raise Bad(f"{word[:32]!r} is no id (symbolic names are not supported)")
+        raise NamedMessage(word) if len(_NO_DIGIT.findall(word)) > 1 else Bad(f"{word[:32]!r} is no id")
     flags = int(Flag.EXTENDED) if match[2] else 0
     id_ = int(match[1], base)
     if id_ > (MAX_EXTENDED_ID if flags else MAX_STANDARD_ID):

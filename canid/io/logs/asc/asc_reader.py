@@ -25,7 +25,7 @@ from canid.io.logs.asc import (
     asc_fixed_columns,
 )
 from canid.io.logs.asc.asc_fd_base import fd_lines
-from canid.io.logs.asc.asc_line import Parsed, parse
+from canid.io.logs.asc.asc_line import NamedMessage, Parsed, parse
 from canid.io.logs.asc.asc_times import HeaderLines, LogTimes, Zeros
 from canid.io.logs.line_columns import LineColumns, merged, none_found, widened
 from canid.io.logs.reader_state import Note, ReadState
@@ -42,7 +42,7 @@ from canid.io.logs.text_lines import (
     line,
 )
 from canid.values import timestamps
-from canid.values.errors import DamagedLogError
+from canid.values.errors import ConfigError, DamagedLogError
 from canid.values.frame_columns import WantedIds, keep_memory, select
 from canid.values.types import Columns, Event, Flag
 
@@ -60,6 +60,9 @@ _EVENT_LINE = re.compile(r"// (-?\d{1,9}\.\d+) canid (\w+): (.*)")
 _MAX_EARLY_EVENTS = 1000
 # Digits of a time; those of logs have up to twenty, and Python converts no more than 4,300.
 _MAX_TIME_DIGITS = 100
+# lines with a name for an id that may be damage, before the first frames; and others' ids may be names in such a log: ABBA
+_MAX_NAMES = 2
+_NAMES_REMEDY = "log ids instead of symbolic names, or write a .blf, which has ids"
 # kinds of lines that are named in this file
 _HEADER_KIND, _COMMENT_KIND, _EVENT_KIND = "header lines", "comments", "events"
 _ERROR = int(Flag.ERROR)
@@ -144,6 +147,7 @@ class _Reading:
         singles = _SingleLines(self._header)
         ends = block.ends
         misses = []
+        names = 0
         base = self._header.base
         for n, k in enumerate(np.flatnonzero(~fixed.found & filled(block)).tolist()):
             if n % PROGRESS_LINES == 0:
@@ -175,6 +179,9 @@ class _Reading:
             try:
                 parsed = parse(words, header.base, item, header.fd_base or 16)
             except ValueError as error:
+                names += isinstance(error, NamedMessage)
+                if names > _MAX_NAMES and not self._count.read:
+                    raise ConfigError(f"{self._path}: line {item.number}: {error}: {_NAMES_REMEDY}") from None
                 misses.append((item, str(error) if isinstance(error, Bad) else "it is no frame"))
                 continue
             if parsed is not None:
@@ -244,7 +251,7 @@ class _Reading:
             is_frame[k] = False
             item = line(block, k, int(block.ends[k - 1]) if k else 0, int(block.ends[k]))
             self._count.miss(item, "its time is damaged")
-        self._count.read += int(is_frame.sum())
+        self._count.took(block.number, np.flatnonzero(is_frame))
         if self._first is None and is_frame.any():
             k = int(is_frame.argmax())
             self._first = int(now[k])

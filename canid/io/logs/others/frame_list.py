@@ -48,6 +48,7 @@ class Program(NamedTuple):
     base: int = (
         16  # of ids without 0x; 10: unless the first lines show another; 0: as they show, of data as well
     )
+    unstated: bool = False  # the header may not say the unit of its times
     panda: bool = False  # bus numbers as panda has them
     named: bool = False  # buses have names
     more: Callable[[_Cells], int] | None = None  # further flags; Raises Bad
@@ -130,7 +131,7 @@ SPY = Program(
     named=True,
     more=_spy_flags,
 )
-PLAIN = Program(("id",), "time", "id", ("data",), "", "dlc", base=0)
+PLAIN = Program(("id",), "time", "id", ("data",), "", "dlc", base=0, unstated=True)
 
 
 def _read(
@@ -208,13 +209,17 @@ class _Reading:
     def _ns(self, text: str) -> int:
         if not _TIME.fullmatch(text):
             raise Bad("its time is damaged")
-        if not self._head.in_seconds and text.isdecimal():
+        if self._head.in_ms:
+            ns = timestamps.from_text(text) // 1000
+        elif not self._head.in_seconds and text.isdecimal():
             ns = int(text) * 1000
         elif "e" in text.lower():
             ns = timestamps.from_float(float(text.replace(",", ".")))
         else:
             ns = timestamps.from_text(text)
-        if self._program.micro and ns >= timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S:
+        if (
+            self._program.micro or self._program.unstated
+        ) and ns >= timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S:
             self.dated = True
         return ns + (self._head.start_ns or 0)
 

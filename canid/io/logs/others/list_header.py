@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +21,15 @@ if TYPE_CHECKING:
 _STARTED = re.compile(
     r".*Logging started at:?\s*(\d{4})-(\d\d)-(\d\d)[ T](\d\d):(\d\d):(\d\d).*", re.IGNORECASE
 )
+# other names of columns
+_ALIASES = {
+    "time": ("timestamp", "time(s)", "time[s]"),
+    "dlc": ("len", "length"),
+    "addr": ("address",),
+    "id": ("canid",),
+}
+# periods from which on times count in ms: no id of a car comes every 3 ms, and a bus has one that comes every 3 s
+_SLOW = 3.0
 
 
 class Head(NamedTuple):
@@ -32,7 +42,8 @@ class Head(NamedTuple):
     data_base: int
     data_at: int | None  # the column with all bytes; None: one each
     octets: tuple[int, ...]  # the columns of one byte each
-    in_seconds: bool  # times; False: in µs
+    in_seconds: bool  # times, or in ms; False: in µs
+    in_ms: bool  # as the frames show
     start_ns: int | None  # epoch ns that times count from; None: not stated
     remarks: list[str]
 
@@ -50,12 +61,9 @@ def judged(path: Path, program: Program, begin: list[str], zone: datetime.tzinfo
     header = begin[at] if begin else ""
     delimiter = max(",;\t", key=header.count)
     columns = {name: k for k, name in reversed(list(enumerate(names)))}
-    for alias in ("timestamp", "time(s)", "time[s]") if program.time == "time" else ():
-        columns.setdefault("time", columns.get(alias, -1))
-    for alias in ("len", "length"):
-        columns.setdefault("dlc", columns.get(alias, -1))
-    columns.setdefault("addr", columns.get("address", -1))
-    columns.setdefault("id", columns.get("canid", -1))
+    for name, aliases in _ALIASES.items():
+        if name != "time" or program.time == "time":
+            columns.setdefault(name, next((columns[alias] for alias in aliases if alias in columns), -1))
     if any(columns.get(name, -1) < 0 for name in (program.time, program.id, *[program.bus] * program.named)):
         raise refuse(path, UNKNOWN_LIST)
     data_name = program.data[0]
@@ -72,6 +80,11 @@ def judged(path: Path, program: Program, begin: list[str], zone: datetime.tzinfo
         # one that has a letter, or is padded, shows it for all
         base = 16
         remarks.append("ids without 0x are read as hexadecimal numbers")
+    in_ms = program.unstated and not set("([") & set(header) and _fastest(column(program.time), ids) >= _SLOW
+    if in_ms:
+        remarks.append(
+            "times are read as ms: in s no id would come more often than every 3 s; write Time (s) where it is so"
+        )
     in_seconds = not program.micro or any(re.search(r"\d[.,]\d", word) for word in column(program.time))
     if not base:
         base = _base(ids)
@@ -84,7 +97,7 @@ def judged(path: Path, program: Program, begin: list[str], zone: datetime.tzinfo
             raise refuse(path, UNKNOWN_LIST)
     starts = [local for line in begin[:at] if (local := _started(line, zone)) is not None]
     return Head(
-        columns, delimiter, names[0] if names else "", base, data_base, data_at, octets, in_seconds,
+        columns, delimiter, names[0] if names else "", base, data_base, data_at, octets, in_seconds, in_ms,
         starts[0] if starts else None, remarks,
     )  # fmt: skip
 
@@ -97,6 +110,20 @@ def names(path: Path, size: int, at: int, time_at: int) -> set[str]:
         if max(at, time_at) < len(cells) and len(seen) < MAX_BUSES and re.match(r"\s*-?\d", cells[time_at]):
             seen.add(cells[at].strip(' "')[:255])
     return seen
+
+
+def _fastest(times: list[str], ids: list[str]) -> float:
+    """The median period of the id that comes most often, in the unit of the times; 0: none comes three times.
+
+    >>> _fastest(["0", "1", "10", "21", "20"], ["A", "B", "A", "B", "A"])
+    10.0
+    """
+    by_id: dict[str, list[float]] = {}
+    for text, id_ in zip(times, ids, strict=False):
+        if re.fullmatch(r"\d{1,20}([.,]\d{1,20})?", text):
+            by_id.setdefault(id_, []).append(float(text.replace(",", ".")))
+    steps = [sorted(b - a for a, b in pairwise(t)) for t in by_id.values() if len(t) > 2]
+    return min((each[len(each) // 2] for each in steps), default=0.0)
 
 
 def _base(words: list[str]) -> int:
