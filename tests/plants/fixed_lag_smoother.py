@@ -109,7 +109,8 @@ def _filter(
         moved = z0 - further - (g + (w - speed) * h)
         if abs(moved) > near or abs(z1 - own_now - (w - speed)) > smoothing.MAX_RELATIVE_ACCEL * h + quick:
             return None
-        R0, R1 = expected.gap**2, expected.range_rate**2
+        used = report_noise.for_filter(shown, noise)
+        R0, R1 = used.gap**2, used.range_rate**2
         k = h * h / 2
         g, w = g + w * h + a * k, w + a * h
         # F P F' + Q, first row of F P: p + h q + k r, q + h s + k u, r + h u + k v
