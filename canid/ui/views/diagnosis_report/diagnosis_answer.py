@@ -82,7 +82,7 @@ def summary(report: Report, log: str = "", vehicle: str = "", more: str = "") ->
             Part(_lines(parts.remarks(report), "⚠ "), 4),
             Part(_lines(certainty(report)), 3),
             Part(_lines([states], "blocks of the loop: "), 2),
-            Part(_lines(parts.advice(report)[:ADVICE], "to drive next: "), 2),
+            Part(_lines(_to_drive(report)[:ADVICE], "to drive next: "), 4),
             Part(_lines([undecided], "not decidable on this drive: "), 1),
             Part(_lines([more]), 1),
         ],
@@ -102,6 +102,17 @@ def certainty(report: Report) -> list[str]:
         f"{'; or ' + ' or '.join(parts.rivals(finding)) if finding.rivals else ''}"
         for finding in report.findings
     ]
+
+
+def _to_drive(report: Report) -> list[str]:
+    """Advice: on the rivals of what was found first, then on what is nearest to be decided."""
+    near = {
+        either(entry.effects): entry.evidence / entry.needed
+        for entry in report.not_testable
+        if entry.evidence > 0
+    }
+    near |= {readable(finding.effect): math.inf for finding in report.findings if finding.rivals}
+    return sorted(report.advice, key=lambda line: -near.get(line.partition(": ")[0], 0.0))
 
 
 def more_minutes(report: Report) -> str:
