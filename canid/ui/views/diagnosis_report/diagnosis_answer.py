@@ -105,14 +105,17 @@ def certainty(report: Report) -> list[str]:
 
 
 def _to_drive(report: Report) -> list[str]:
-    """Advice: on the rivals of what was found first, then on what is nearest to be decided."""
+    """What decides between causes and their rivals, of every block; then the advice, the nearest to be decided first."""
+    unsure = {readable(finding.effect): finding for finding in report.findings if finding.rivals}
+    rivals = [(either((each.effect, *each.rivals)), parts.would_decide(each)) for each in unsure.values()]
     near = {
         either(entry.effects): entry.evidence / entry.needed
         for entry in report.not_testable
         if entry.evidence > 0
     }
-    near |= {readable(finding.effect): math.inf for finding in report.findings if finding.rivals}
-    return sorted(report.advice, key=lambda line: -near.get(line.partition(": ")[0], 0.0))
+    rest = [line for line in report.advice if line.partition(": ")[0] not in unsure]
+    rest.sort(key=lambda line: -near.get(line.partition(": ")[0], 0.0))
+    return [*(f"{names}: {decides}" for names, decides in rivals if decides), *rest]
 
 
 def more_minutes(report: Report) -> str:
