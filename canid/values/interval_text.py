@@ -35,9 +35,11 @@ def interval_text(value: float, low: float, high: float, places: int | None = No
     Example:
         >>> interval_text(0.3412, 0.281, 0.409), interval_text(2.0, float("nan"), float("nan"))
         ('0.34 [0.28, 0.41]', '2.00 [–, –]')
+        >>> interval_text(6.0, -0.3, 11.0)  # no "-0"
+        '6 [0, 11]'
     """
     if not math.isfinite(value):
         return DASH
     digits = decimals(low, high) if places is None else places
-    ends = (f"{x:.{digits}f}" if math.isfinite(x) else DASH for x in (low, high))
-    return f"{value:.{digits}f} [{', '.join(ends)}]"
+    ends = (f"{x:z.{digits}f}" if math.isfinite(x) else DASH for x in (low, high))
+    return f"{value:z.{digits}f} [{', '.join(ends)}]"

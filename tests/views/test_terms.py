@@ -10,7 +10,7 @@ import pytest
 from canid.models.effects import CATALOGUE
 from canid.ui.views.diagnosis_report import diagnosis_answer, diagnosis_document, diagnosis_text
 from canid.ui.views.document.terms import TERMS
-from canid.values.findings import Report, RivalCause, Verdict
+from canid.values.findings import NotTestable, Report, RivalCause, Verdict
 from canid.values.types import Interval
 
 ReportOf = Callable[..., Report]
@@ -90,3 +90,26 @@ def test_no_sentence_of_the_models_has_an_id_in_it() -> None:
             ]
             found += [f"{path.name}:{node.lineno}"] if words and ids else []
     assert found == []
+
+
+def test_the_summary_says_what_to_drive_next(report_of: ReportOf) -> None:
+    """Of rivals first, then of what is nearest to be decided; reasons that it does not print hide no advice."""
+    report = report_of(Verdict.ONE_OF)
+    rival = f"{report.findings[0].effect.replace('_', ' ')}: a longer drive"
+    undecided = tuple(
+        NotTestable((name,), f"too little; what would decide: {drive}", evidence, 13.0)
+        for name, drive, evidence in (
+            ("gain_drift", "an hour", 1.0),
+            ("speed_gain", "town and motorway", 9.0),
+        )
+    )
+    advice = ("gain drift: an hour", "speed gain: town and motorway", rival)
+    shown = diagnosis_answer.summary(report._replace(not_testable=undecided, advice=advice))
+    first, second = " ".join(" ".join(shown).split()).split("to drive next: ")[1:]
+    decides = {effect.id: effect.decides for effect in CATALOGUE}
+    (finding, *_) = report.findings
+    assert first.startswith(
+        f"headway dead zone or speed gain: {decides[finding.effect]}; or {decides[finding.rivals[0]]}"
+    )
+    assert second.startswith("speed gain: town and motorway")
+    assert len(shown) <= diagnosis_answer.MAX_LINES

@@ -174,7 +174,7 @@ def gained_line(gained: Gained) -> str:
         else _better(gain)
     )
     if better and null.replicates:
-        without = f"{-100 * null.median:+.0f} %, 95 % point {-100 * null.high:+.0f} %"
+        without = f"{-100 * null.median:+z.0f} %, 95 % point {-100 * null.high:+z.0f} %"
         beyond = gain.value > null.high
         better = better[:-1] + (
             f" (without the cause, by the driver's own noise in the loop: {without})."
@@ -191,7 +191,7 @@ def _better(gain: Interval, between: str = "", after: str = " on held-out data")
     if gain.value != gain.value:
         return ""
     change, low, high = -100 * gain.value, -100 * gain.high, -100 * gain.low
-    return f" Error variance {change:+.0f} %{between} [{low:+.0f}, {high:+.0f}]{after}."
+    return f" Error variance {change:+z.0f} %{between} [{low:+z.0f}, {high:+z.0f}]{after}."
 
 
 def _places(finding: Finding) -> list[str]:

@@ -35,7 +35,9 @@ MARKED_STALE_PERCENT = 1.0
 # ids that are listed without a click
 IDS_SHOWN = 12
 RANGE = (">low", ">median", ">high")
-TEXT = ("role", "unit", "from", ">readings", ">1/s", ">missing %", *RANGE)
+# two tables, so that each fits a terminal
+TEXT = ("role", "unit", ">1/s", ">missing %", *RANGE)
+TEXT_FROM = ("role", ">readings", "from")
 PAGE = (
     *("role", "unit", "state", *RANGE, ">readings", ">1/s", ">longest gap", ">stale", ">missing %"),
     *("why missing", "from"),
@@ -54,7 +56,8 @@ def text(checked: Check) -> list[str]:
     """What came for each role of the vehicle file, the state of the gate, and the problems."""
     gate = (f"{_gate(gate)} {share:.0f} %" for gate, share in checked.gates.items())
     time = (f"time: {signal_text.time(checked.time)}", f"learning gate: {', '.join(gate)}", *checked.remarks)
-    return lines([_came(checked), doc.chosen(TEXT, _roles(checked)), doc.Listing(time), _problems(checked)])
+    roles = [doc.chosen(head, _roles(checked)) for head in (TEXT, TEXT_FROM)]
+    return lines([_came(checked), *roles, doc.Listing(time), _problems(checked)])
 
 
 def contents(counted: Contents) -> list[str]:

@@ -102,7 +102,7 @@ def pairs(table: DriveTable, pool: Population) -> Questions:
     says = list(compared.says)
     if unknown:
         says.append(
-            f"{unknown:,} pairs cannot be separated: their drives would not show an ordinary difference"
+            f"{unknown:,} pair{'s' * (unknown != 1)} cannot be separated: their drives would not show an ordinary difference"
         )
     if alike:
         says.append(

@@ -82,7 +82,7 @@ def summary(report: Report, log: str = "", vehicle: str = "", more: str = "") ->
             Part(_lines(parts.remarks(report), "⚠ "), 4),
             Part(_lines(certainty(report)), 3),
             Part(_lines([states], "blocks of the loop: "), 2),
-            Part(_lines(parts.advice(report)[:ADVICE], "to drive next: "), 2),
+            Part(_lines(_to_drive(report)[:ADVICE], "to drive next: "), 4),
             Part(_lines([undecided], "not decidable on this drive: "), 1),
             Part(_lines([more]), 1),
         ],
@@ -102,6 +102,20 @@ def certainty(report: Report) -> list[str]:
         f"{'; or ' + ' or '.join(parts.rivals(finding)) if finding.rivals else ''}"
         for finding in report.findings
     ]
+
+
+def _to_drive(report: Report) -> list[str]:
+    """What decides between causes and their rivals, of every block; then the advice, the nearest to be decided first."""
+    unsure = {readable(finding.effect): finding for finding in report.findings if finding.rivals}
+    rivals = [(either((each.effect, *each.rivals)), parts.would_decide(each)) for each in unsure.values()]
+    near = {
+        either(entry.effects): entry.evidence / entry.needed
+        for entry in report.not_testable
+        if entry.evidence > 0
+    }
+    rest = [line for line in report.advice if line.partition(": ")[0] not in unsure]
+    rest.sort(key=lambda line: -near.get(line.partition(": ")[0], 0.0))
+    return [*(f"{names}: {decides}" for names, decides in rivals if decides), *rest]
 
 
 def more_minutes(report: Report) -> str:

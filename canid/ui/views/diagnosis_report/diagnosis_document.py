@@ -172,8 +172,7 @@ def _tried(report: Report) -> doc.Fold | str:
     ]
     head = ("step", "candidate", "block", ">evidence", ">threshold", ">expected", "outcome", "why")
     caption = (
-        "Evidence: 2 Δ log likelihood (no unit) over the model of the step without the cause. Threshold: it takes all "
-        f"{report.candidates_tried} candidates into account. Expected: the evidence of a typical strength on this drive."
+        "Evidence and threshold at each step. Expected: the evidence of a typical strength on this drive."
     )
     title = f"Every candidate at every step, with its reason ({len(rows)} rows)"
     return doc.Fold(title, [doc.Table(head, rows, caption=caption, kind="tried")])
@@ -269,8 +268,7 @@ def _marked(says: str) -> str:
 def _checks(report: Report) -> list[doc.Block]:
     gate = [check for check in report.checks if check.gate]
     hint = doc.Sentence(
-        "Adequacy tests: does the final model leave structure in the residual? A cause is named only where they pass. A "
-        "p-value, the chance of so much structure by noise alone, has no unit.",
+        "Adequacy tests: does the final model leave structure in the residual? A cause is named only where they pass.",
         "hint",
     )
     data = _checked(

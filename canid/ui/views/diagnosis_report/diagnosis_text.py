@@ -97,25 +97,19 @@ def fit(report: Report) -> list[str]:
 def finding_block(finding: Finding, report: Report) -> Listing:
     """A cause: what it is, its evidence, its parameters, when it was there, and what explains the data as well."""
     helps = "it helps, but is not the cause" if finding.gain.value > 0 else "not the cause"
-    values = parts.finding_parameters(finding)
+    values, decides = parts.finding_parameters(finding), parts.would_decide(finding)
     evidence = f"evidence {number(finding.evidence)} (needed {number(finding.needed)})"
     items = [
         search_bounds.without_intervals(finding.says, report),
         f"{evidence}, gain {parts.gain(finding)} on held-out data",
         *([", ".join(values)] if values else []),
         *([_episodes(finding)] if finding.episodes else []),
-        *rivals_of(finding),
+        f"rivals: {', '.join(parts.rivals(finding)) or 'none'}",
+        *([f"what would decide between them: {decides}"] if decides else []),
     ]
     return Listing(
         items, f"{readable(finding.effect)} ({finding.where}{f', surrogate: {helps}' * finding.surrogate})"
     )
-
-
-def rivals_of(finding: Finding) -> list[str]:
-    """What explains the data as well as a cause, how large it would be, and what would decide between them."""
-    decides = parts.would_decide(finding)
-    said = [f"rivals: {', '.join(parts.rivals(finding)) or 'none'}"]
-    return [*said, f"what would decide between them: {decides}"] if decides else said
 
 
 def _episodes(finding: Finding) -> str:

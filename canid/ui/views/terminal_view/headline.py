@@ -74,7 +74,7 @@ def large_numbers(n: Numbers, output: str, columns: int) -> tuple[list[Line], bo
 
 def _block(label: str, iv: Interval, unit: str, style: str) -> list[Line]:
     """Three lines of equal width: a number, and at its right what it is, its interval and its unit."""
-    text = f"{iv.value:.2f}" if abs(iv.value) < 100.0 else f"{iv.value:.0f}"
+    text = f"{iv.value:z.2f}" if abs(iv.value) < 100.0 else f"{iv.value:z.0f}"
     low_high = estimate_text.fixed(iv).partition(" ")[2]
     words = (label, low_high, unit)
     columns = max(map(cells, words))

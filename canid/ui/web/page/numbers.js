@@ -10,7 +10,7 @@ export function decimals(iv) {
   return Math.min(Math.max(1 - Math.floor(Math.log10(width)), 0), MAX_DECIMALS);
 }
 
-export const fixed = (x, places) => (known(x) ? x.toFixed(places) : DASH);
+export const fixed = (x, places) => (known(x) ? x.toFixed(places).replace(/^-(0(\.0+)?)$/, "$1") : DASH);
 
 export function value(iv) {
   return fixed(iv.value, decimals(iv));
