@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
-from scipy.special import logsumexp
 
 from canid.models.diagnosis.fitting.likelihood import Noise, filtered
 from canid.values.findings import Flags
@@ -23,8 +22,8 @@ from canid.values.types import Array
 HELD_S = (1.0, 1.5, 2.0, 3.0, 4.5)
 # s behind it, in which the answer comes back through its lag
 RETURN_S = 1.0
-# 1/s, how often a stretch begins: every quarter of a minute, or every minute
-BEGIN_RATES_HZ = (1 / 15.0, 1 / 60.0)
+# 1/s, how often a stretch begins
+BEGIN_RATE_HZ = 1 / 20.0
 # standard deviations; an outlier is no stretch
 MAX_INNOVATION = 4.0
 # s; noise in bursts is as large as it has been for so long, which is known before each sample; and the least size
@@ -69,9 +68,15 @@ def log_evidence(responses: Sequence[Response], e: Array, rows: Flags, noise: No
     noise = noise._replace(size=noise.size * size)
     lengths = sorted({max(round(s / dt), 2) for s in HELD_S})
     behind = round(RETURN_S / dt)
-    gains = [(k + behind, _gain(responses, e, rows, noise, k, behind, dt)) for k in lengths]
-    both = [_mixture(gains, e.size, rate * dt) for rate in BEGIN_RATES_HZ]
-    return float(logsumexp(both) - np.log(len(both)))
+    gains = [(k + behind, _gain(responses, e, rows, noise, k, behind, dt).tolist()) for k in lengths]
+    enter, on = math.log(BEGIN_RATE_HZ * dt / len(gains)), math.log1p(-BEGIN_RATE_HZ * dt)
+    driving = [0.0] * (e.size + 1)
+    for t in range(1, e.size + 1):
+        terms = [driving[t - 1] + on]
+        terms += [driving[t - k] + enter + gain[t - k] for k, gain in gains if 0 <= t - k < len(gain)]
+        most = max(terms)
+        driving[t] = most + math.log(sum(math.exp(term - most) for term in terms))
+    return driving[-1]
 
 
 def _size(e: Array, rows: Flags, dt: float) -> Array:
@@ -99,15 +104,3 @@ def _gain(
     white = np.where(rows[along], white, 0.0)
     out: Array = np.sum(white * (e[along] - 0.5 * white), axis=1)
     return out
-
-
-def _mixture(gains: Sequence[tuple[int, Array]], n: int, begin: float) -> float:
-    """Log likelihood ratio of stretches that begin with a probability at each sample, each length as likely."""
-    enter, on = math.log(begin / len(gains)), math.log1p(-begin)
-    won, driving = [(k, gain.tolist()) for k, gain in gains], [0.0] * (n + 1)
-    for t in range(1, n + 1):
-        terms = [driving[t - 1] + on]
-        terms += [driving[t - k] + enter + gain[t - k] for k, gain in won if 0 <= t - k < len(gain)]
-        most = max(terms)
-        driving[t] = most + math.log(sum(math.exp(term - most) for term in terms))
-    return driving[n]
