@@ -5,13 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from canid.models.diagnosis.adequacy import alternatives, intermittent_gain, refit_noise, skewness
+from canid.models.diagnosis.adequacy import (
+    adequacy,
+    alternatives,
+    held_perception,
+    intermittent_gain,
+    refit_noise,
+    skewness,
+)
 from canid.models.diagnosis.adequacy.alternatives import shapes
 from canid.models.diagnosis.diagnose import diagnose
-from canid.models.diagnosis.driver.driver_data import DriverData
+from canid.models.diagnosis.driver.driver_data import DriverData, sideways
+from canid.models.diagnosis.driver.driver_fit import baseline
+from canid.models.diagnosis.driver.driver_model import lagged
+from canid.models.diagnosis.fitting.likelihood import Noise
 from canid.models.diagnosis.prepared_drive import Prepared, ready
 from canid.models.effects import CATALOGUE
 from canid.values.findings import Verdict
+from canid.values.types import Array, LearnGate, Trace
 from tests import seeds
 from tests.plants import plant_one, plant_two
 from tests.plants.measurement import trace
@@ -145,3 +156,80 @@ def test_free_curves_hold_every_straight_line() -> None:
     b = np.linalg.lstsq(H[inside], x[inside], rcond=None)[0]
     assert np.allclose((H @ b)[inside], x[inside])
     assert alternatives.hats(np.zeros(500), np.ones(500, dtype=bool), 8).shape == (500, 0)
+
+
+def held_now_and_then(x: Array, rng: np.random.Generator) -> Array:
+    """What a driver acts on who sees the road again only after 1.5 to 4 s, several times a minute."""
+    at, seen = 0, np.arange(x.size)
+    while True:
+        at += round(rng.uniform(6.0, 16.0) / 0.1)
+        stop = at + round(rng.uniform(1.5, 4.0) / 0.1)
+        if stop >= x.size:
+            return x[seen]
+        seen[at:stop] = at
+        at = stop
+
+
+@pytest.mark.parametrize("noise", ["white", "ar", "bursts"])
+def test_inputs_that_are_held_now_and_then_are_seen(noise: str) -> None:
+    """In 10 min of each noise; a driver who holds none has no evidence for it."""
+    rng = np.random.default_rng(9)
+    n, A = 6000, np.array([1.0, -0.8]) if noise == "ar" else np.ones(1)
+    x = np.convolve(rng.normal(size=n + 40), np.hanning(40) / 20**0.5, "valid")[:n]
+    e = rng.normal(size=n)
+    if noise == "bursts":
+        e *= np.exp(np.repeat(rng.normal(0.0, 0.7, n // 100), 100))
+    model = Noise(A, 0.4, np.ones(n), np.empty(0))
+    rows, answer = np.ones(n, dtype=bool), [held_perception.Response(x, 1.0, 0.3)]
+    missing = lagged(held_now_and_then(x, rng) - x, 0.3, 0.1)
+    away = e + np.convolve(missing, A)[:n] / 0.4
+    evidence = [held_perception.log_evidence(answer, of, rows, model, 0.1) for of in (e, away)]
+    assert evidence[0] < 3.0
+    assert evidence[1] > 15.0
+
+
+def test_evidence_of_held_inputs_is_a_bound_of_chance() -> None:
+    """Its mean is 1 where none is held (Ville 1939), for inputs that the noise has moved as well."""
+    rng = np.random.default_rng(10)
+    model = Noise(np.ones(1), 1.0, np.ones(1000), np.empty(0))
+    rows, values = np.ones(1000, dtype=bool), []
+    for _ in range(20):
+        e = rng.normal(size=1000)
+        # the noise of before moves the car, and what is seen of it
+        x = 0.3 * np.convolve(np.r_[0.0, e], np.exp(-0.1 * np.arange(60)))[:1000] + rng.normal(size=1000)
+        answer = [held_perception.Response(x, 0.5, 0.2)]
+        values.append(held_perception.log_evidence(answer, e, rows, model, 0.1))
+    assert max(values) < np.log(20 / 0.01)
+    assert np.mean(np.exp(values)) < 3.0
+
+
+@pytest.mark.parametrize("role", ["yaw_rate", "curvature"])
+def test_bends_are_those_of_the_yaw_rate_or_the_curvature(role: str) -> None:
+    """To the left or the right; without either there are none to answer."""
+    n, turn = 200, 0.1 * np.sin(0.1 * np.arange(200))
+    columns = {"speed": np.full(n, 20.0), role: turn if role == "yaw_rate" else turn / 20.0}
+    drive = Trace(
+        0.1, 0.1 * np.arange(n), np.zeros(n), np.zeros((n, 2)), ("headway_error", "range_rate"),
+        (LearnGate.OPEN,) * n, np.ones(n, bool), np.zeros(n, np.int64), columns,
+    )  # fmt: skip
+    found = sideways(drive)
+    assert found is not None
+    assert found == pytest.approx(20.0 * np.abs(turn))
+    assert sideways(drive._replace(signals={"speed": columns["speed"]})) is None
+
+
+@pytest.mark.slow("diagnoses planted drives")
+def test_an_answer_to_the_roads_bends_is_seen(prepared: Prepared) -> None:
+    """A driver who lifts a second before each bend; one who does not leaves nothing of its form."""
+    data = prepared.data
+    t = data.seen.t
+    bends = 2.0 * np.maximum(np.sin(2 * np.pi * t / 23.0), 0.0) ** 4
+    data = data._replace(sideways=bends)
+    lifted = data.output.y - 3.0 * np.interp(t + 1.0, t, bends)
+    for y, seen in ((data.output.y, False), (lifted, True)):
+        given = data.with_output(data.output._replace(y=y))
+        again = baseline(given)
+        assert again is not None
+        families = [one for one in shapes(given, again) if one.name == "bends"]
+        assert len(families) == 1
+        assert (adequacy.spanned(families, given, again)[0].p < 1e-4) == seen

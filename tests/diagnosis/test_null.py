@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from canid.models.diagnosis.diagnose import diagnose
 from canid.models.diagnosis.driver import driver_fit
 from canid.models.diagnosis.fitting.search import Named
-from canid.models.diagnosis.null import baseline_check, predictive_score, sequential
+from canid.models.diagnosis.null import baseline_check, predictive_score, sequential, verdict_null
 from canid.models.diagnosis.null.noise_source import resampled
 from canid.models.diagnosis.null.sequential import Answer, Statistics
 from canid.models.diagnosis.prepared_drive import ready
@@ -231,3 +231,24 @@ def test_standstills_are_counted_from_the_past_alone() -> None:
     still = np.array([False, True, True, True, False, True])
     assert predictive_score.run_length(still).tolist() == [0, 0, 1, 2, 3, 0]
     assert predictive_score._since_movement(still).tolist() == [0, 0, 1, 2, 3, 0]
+
+
+def drawn_sizes(rng: np.random.Generator, structure: float) -> list[dict[str, float]]:
+    """Sizes of 30 families on a drive and 19 replicates; those of one are four times as large as its chance says."""
+    every = [
+        {f"family {k}": float(size) * (4.0 if k == 0 else 1.0) for k, size in enumerate(sizes)}
+        for sizes in rng.exponential(size=(20, 30))
+    ]
+    every[0]["family 1"] += structure
+    return every
+
+
+@pytest.mark.parametrize(("structure", "low", "high"), [(0.0, 0.0, 0.1), (12.0, 0.8, 1.0)])
+def test_a_family_whose_chance_is_wrong_hides_no_other(structure: float, low: float, high: float) -> None:
+    """A drive without structure is the largest of 20 in 5 %; one with 12 nats is, though the wrong family often has more."""
+    rng = np.random.default_rng(4)
+    draws = [drawn_sizes(rng, structure) for _ in range(300)]
+    beyond = [first > max(others) for first, *others in map(verdict_null.largest, draws)]
+    assert low <= np.mean(beyond) <= high
+    by_raw = [max(every[0].values()) > max(max(one.values()) for one in every[1:]) for every in draws]
+    assert structure == 0.0 or np.mean(by_raw) < 0.5

@@ -15,11 +15,17 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.stats import chi2
 
-from canid.models.diagnosis.adequacy import intermittent_gain, refit_noise, unnamed_patterns
+from canid.models.diagnosis.adequacy import (
+    held_perception,
+    intermittent_gain,
+    refit_noise,
+    unnamed_patterns,
+)
 from canid.models.diagnosis.adequacy.alternatives import Shapes, answers, shapes
 from canid.models.diagnosis.adequacy.refit_noise import directions
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
+from canid.models.diagnosis.driver.driver_model import K1, K2, TAU1, TAU2, parts
 from canid.models.diagnosis.driver.driver_search import Search
 from canid.models.diagnosis.fitting.fitted_model import FittedModel, M
 from canid.models.diagnosis.fitting.likelihood import whitened
@@ -79,7 +85,7 @@ def assess(search: Search, original: DriverData, explained: float = 0.0) -> Adeq
     """
     data, solved = search.data, search.solved
     families = shapes(data, solved)
-    families_tested = [*spanned(families, data, solved), _unsteady(data, solved)]
+    families_tested = [*spanned(families, data, solved), _unsteady(data, solved), _held(data, solved)]
     families_tested += [
         Family(pattern.name, pattern.says, pattern.p, pattern.statistic, 1, pattern.share)
         for pattern in unnamed_patterns.detect(search, original)
@@ -163,6 +169,21 @@ def _unsteady(data: DriverData, solved: FittedDriver) -> Family:
     return Family(
         "unsteady", says, intermittent.p, intermittent.score, 1, _share(intermittent.gain, data, solved)
     )
+
+
+def _held(data: DriverData, solved: FittedDriver) -> Family:
+    """Answers to what was seen some seconds before."""
+    q, scored = solved.q, solved.fitted.scored
+    acted = parts(solved.model, data, q)
+    responses = [
+        held_perception.Response(acted.e, float(q[K1]), float(q[TAU1])),
+        held_perception.Response(acted.w, float(q[K2]), float(q[TAU2])),
+    ]
+    rows = solved.rows & (scored.slope == -1.0)
+    evidence = held_perception.log_evidence(responses, scored.e, rows, solved.noise, data.output.dt)
+    says = "answers to what was seen some seconds before, now and then"
+    p, gain = float(np.exp(-max(evidence, 0.0))), 2.0 * max(evidence, 0.0)
+    return Family("held", says, p, gain, 1, _share(gain, data, solved))
 
 
 def _share(gain: float, data: Columns, solved: FittedModel[M]) -> float:

@@ -39,6 +39,8 @@ LOOMING_QUANTILES, RATE_QUANTILES = (0.35, 0.6, 0.8), (0.6, 0.8, 0.93)
 UNEVEN_LAG_S = 0.5
 # m/s², thresholds of a lead's braking that frightens, and s in which that fades
 LEAD_BRAKING, FRIGHT_FADE_S = (0.3, 0.8), 1.5
+# s by which a bend is answered before the car is in it, and behind it
+BEND_AHEAD_S = (-2.0, 0.0, 2.0, 4.0)
 # m/s; least speed in a denominator
 MIN_DIVISOR_SPEED = 3.0
 
@@ -67,6 +69,7 @@ def shapes(data: DriverData, solved: FittedDriver) -> list[Shapes]:
         *_of_inputs(inputs),
         *_in_time(inputs, data.seen.t, data.seen.duration),
         *_of_output(solved.fitted.model, fine, data.output.dt),
+        *_of_bends(inputs, data),
     ]
     # where the output is the car's own acceleration, that is no input to it
     return (
@@ -208,6 +211,15 @@ def _of_output(model: Array, fine: Flags, dt: float) -> list[Shapes]:
         Shapes("output behind", "an output with a limited rate, or later one way than the other",
                np.stack([_standard(x - model, fine) for x in behind], axis=1)),
     ]  # fmt: skip
+
+
+def _of_bends(i: Inputs, data: DriverData) -> list[Shapes]:
+    """Family of the road's bends, where they are measured: a driver sees one before the car is in it."""
+    if data.sideways is None:
+        return []
+    t, at = data.seen.t, data.sideways
+    columns = [i.standard(np.interp(t + s, t, at)) for s in BEND_AHEAD_S]
+    return [Shapes("bends", "an answer to the road's bends", np.stack(columns, axis=1))]
 
 
 def hats(x: Array, fine: Flags, knots: int) -> Array:

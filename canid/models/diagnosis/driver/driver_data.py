@@ -32,6 +32,7 @@ class DriverData(NamedTuple):
     output: Output
     pedal: bool  # is the output a pedal, with a floor?
     begins: tuple[float, ...] = ()  # s, of each further drive
+    sideways: Array | None = None  # (n,) m/s², size of the lateral acceleration in bends; None: not measured
 
     @property
     def t(self) -> Array:
@@ -117,7 +118,17 @@ def prepare(
     )
     floor = max(lower.bound, PEDAL_FLOOR_PERCENT) if pedal else lower.bound
     output = Output(filled(trace.output), fine, below & fine, floor, upper.at & fine, upper.bound, trace.dt)
-    return DriverData(seen, known_then, output, pedal, begins)
+    return DriverData(seen, known_then, output, pedal, begins, sideways(trace))
+
+
+def sideways(trace: Trace) -> Array | None:
+    """Size of the lateral acceleration, (n,) m/s²: of the yaw rate or the curvature, where one is measured."""
+    n = trace.t.size
+    speed, turn, bend = (
+        trace.signals.get(role, np.full(n, np.nan)) for role in ("speed", "yaw_rate", "curvature")
+    )
+    measured = speed * turn if np.isfinite(turn).any() else speed * speed * bend
+    return filled(np.abs(measured)) if np.isfinite(measured).any() else None
 
 
 class AtLimit(NamedTuple):
