@@ -121,7 +121,7 @@ def test_the_recorders_events_are_kept_where_they_stood(suffix: str, tmp_path: P
     path = tmp_path / f"x{suffix}"
     recorded(path, frames, [*events, (0, Event(0.0, "clock", "hardware"))])
     with path.open("ab") as file:
-        file.write(b"LOBJ and nothing\n")
+        file.write(b"LOBJ\x00 and nothing\n")
     expected = [(row, event.what, event.says) for row, event in events]
     expected.insert(1, (0, "clock", "hardware"))
     assert reported(path) == expected
