@@ -45,10 +45,15 @@ class Parser(argparse.ArgumentParser):
         """Raise ConfigError, with the closest option as a hint."""
         # a word of a megabyte is no line
         message = re.sub(r"(\S{80})\S{40,}", r"\1...", message)
-        unknown = re.search(r"unrecognized arguments: (--[\w-]+)", message)
-        known = re.findall(r"--[\w-]+", self.format_usage())
-        close = get_close_matches(unknown[1], known, n=1) if unknown else []
-        hint = f"did you mean {close[0]}?" if close else f"`{self.prog} --help` lists its options"
+        unknown = re.search(r"unrecognized arguments: --([\w-]+)", message)
+        options = re.findall(r"--([\w-]+)", self.format_usage())
+        # without the dashes, which every option shares
+        close = get_close_matches(unknown[1], options, n=1) if unknown else []
+        hint = f"did you mean --{close[0]}?" if close else f"`{self.prog} --help` lists its options"
+        if unknown and unknown[1] == "dbc" and "vehicle" in options:
+            hint = "DBC files are named in a vehicle file: `canid init FILE.dbc --log LOG -o V.toml`, then --vehicle V.toml"
+        elif unknown and unknown[1] == "dbc" and "FILE.dbc" in self.format_usage():
+            hint = "FILE.dbc is given without an option"
         raise ConfigError(f"{self.prog.removeprefix('canid ')}: {message}; {hint}")
 
 
