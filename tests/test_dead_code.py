@@ -207,7 +207,8 @@ def is_entry(module: str, name: str) -> bool:
     if module == "canid.io.logs.text_writers":  # by suffix
         return name in ("AscWriter", "CandumpWriter")
     if module == "canid.io.logs.others.frame_list":  # by the form of a line
-        return name in modules()["canid.io.logs.formats"].definitions["FORMS"].texts
+        named = modules()["canid.io.logs.formats"].definitions
+        return name in named["FORMS"].texts | named["UNKNOWN_LIST"].texts
     return (module, name) == ("canid.ui.cli", "main") or (
         module.startswith("canid.ui.cli") and name in ("arguments", "run", "results")
     )

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from canid.io.logs import formats
 from canid.io.logs.formats import Form
+from canid.io.logs.list_columns import BYTE, decoded, role_of
 from canid.values.errors import ConfigError
 
 # of python-can's .csv: a header of which most is there is one that is damaged
@@ -23,17 +24,8 @@ _MAX_LINES = 200
 # how `candump -c` switches colors
 COLOR = re.compile(r"\x1b\[[\d;]{0,16}m")
 _MARKS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"), (b"\xef\xbb\xbf", "utf-8"))
-# words of a header, in lower case, without blanks and what is in brackets, by which lists of CAN frames are known
-_IDS = {
-    "id", "canid", "can_id", "arbitration_id", "arbitrationid", "arbid", "identifier", "messageid", "addr", "address",
-}  # fmt: skip
-_DATA = {
-    "data", "databytes", "data_bytes", "d1", "d0", "b0", "b1", "data0", "data1", "payload", "message",
-}  # fmt: skip
-# what is in brackets, and the structure of MDF before a name, as asammdf exports bus logging
-_BRACKETS = re.compile(r"[(\[].*?[)\]]|^can_dataframe\.")
 # a cell of at least four bytes, as no table of signals has: 01 02 03 04, 0x01 0x02 0x03 0x04; three may be a date
-_BYTES = re.compile(r"(0x)?[0-9a-f]{2}([ -]+(0x)?[0-9a-f]{2}){3,63}", re.IGNORECASE)
+_BYTES = re.compile(r"(x\| )?(0x)?[0-9a-f]{2}([ -]+(0x)?[0-9a-f]{2}){3,63}", re.IGNORECASE)
 # rows of one such cell each, in one column, that make a list of frames whatever its header's language
 _ROWS_OF_BYTES, _SHARE_OF_BYTES = 2, 0.3
 
@@ -121,8 +113,9 @@ def is_frame_list(line: str) -> bool:
     >>> is_frame_list("Time,ID,DLC,Data"), is_frame_list("time,id,speed,gap"), is_frame_list("Identifier (hex);Data")
     (True, False, True)
     """
-    cells = {_BRACKETS.sub("", cell) for cell in cells_of(line)}
-    return bool(_IDS & cells and _DATA & cells) and len(_PYTHON_CAN & cells) < _MOST
+    cells = {cell for part in cells_of(decoded(line)) for cell in part.split("|")}
+    roles = {role_of(cell) for cell in cells} | {"data" for cell in cells if BYTE.fullmatch(cell)}
+    return {"id", "data"} <= roles and len(_PYTHON_CAN & cells) < _MOST
 
 
 def has_bytes(lines: list[str]) -> bool:

@@ -57,7 +57,12 @@ _LOG, _CSV, _TRC = FORMATS[".log"], FORMATS[".csv"], FORMATS[".trc"]
 _SCREEN = Format("canid.io.logs.others.candump_screen", "read_screen", "candump's output for the screen")
 _HEX, _TIME = r"[0-9A-F]", r"\d+[.,]\d+"
 _AS = "save it there as candump .log, .asc, .blf or .trc, or as the .csv of python-can"
-UNKNOWN_LIST = Form("", "lists CAN frames in a form that canid does not know", None, _AS)
+UNKNOWN_LIST = Form(
+    "",
+    "lists CAN frames in a form that canid does not know",
+    _list("read_list", "list of CAN frames"),
+    _AS,
+)
 # The first line that has one of these forms decides; of a line with two of them the first here.
 FORMS = (
     Form(
@@ -139,11 +144,6 @@ FORMS = (
         _list("read_vehicle_spy", "Vehicle Spy .csv"),
     ),
     Form(
-        r'"?(Time|Timestamp|Time ?\(s\)|Time ?\[s\])"?[,;]\s*"?(CAN ?)?ID"?[,;]\s*"?(DLC|Len|Length)"?[,;]\s*"?Data\b',
-        "a list of CAN frames",
-        _list("read_plain", ".csv with time, id, length and data"),
-    ),
-    Form(
         r"\s*Time\s+Chan\s+Identifier|\s*Chn\s+Identifier\s+Flg",
         "is Kvaser's plain text",
         None,
@@ -153,10 +153,10 @@ FORMS = (
     Form(r"\d+(\.\d+)?\s+\d?[RT](11|29)\s+[0-9A-F]+", "is a CRTD log", None, _AS),
     Form(r"Microchip Technology", "is a log of Microchip's CAN Bus Analyzer", None, _AS),
     Form(
-        r"Timestamp;Type;ID;Data",
-        "is a log of a CSS CL1000 or CL2000",
+        r'"?No\."?,"?Time"?,"?Source"?,',
+        "is a list of packets of Wireshark",
         None,
-        "convert it there to .asc or .trc",
+        "save the capture there as .pcapng, which is read",
     ),
 )
 

@@ -15,10 +15,11 @@ from canid.io.logs.copies import Copies
 from canid.io.logs.input_file import regular_file
 from canid.io.logs.local_time import zone_of
 from canid.io.logs.reader_state import Note, Read, ReadState
+from canid.io.logs.restarts import Restarts
 from canid.io.logs.text_lines import MAX_TIME_NS
 from canid.values import timestamps
 from canid.values.errors import ConfigError, LogError
-from canid.values.frame_columns import WantedIds, frames_of
+from canid.values.frame_columns import WantedIds, frames_of, select
 from canid.values.shipped_files import located
 from canid.values.types import Columns, Damage, Frame
 
@@ -140,17 +141,20 @@ class Log:
         unjudged: list[Note] | None = None if notes is None else []
         state = self._state = self._new_state(unjudged)
         copies = Copies()
+        # of a log without a date all frames are needed, to see where its times begin again
+        restarts = Restarts(state) if self.format.is_text and self.start_ns is None else None
         try:
-            for chunk in self._read(self.path, state, wanted):
+            for chunk in self._read(self.path, state, wanted if restarts is None else None):
                 kept = copies.step(chunk)
                 _hand_over(unjudged, notes, copies)
-                if kept.t.size:
-                    yield kept
+                yield from _kept([kept] if restarts is None else restarts.step(kept), wanted)
         except OSError as error:
             raise LogError(f"cannot read {self.path}: {error.strerror or error}") from None
-        for kept in copies.end():
-            _hand_over(unjudged, notes, copies)
-            yield kept
+        rest = copies.end()
+        _hand_over(unjudged, notes, copies)
+        if restarts is not None:
+            rest = [part for kept in rest for part in restarts.step(kept)] + restarts.end()
+        yield from _kept(rest, wanted)
         if copies.count:
             state.frames -= copies.count
             state.other_kinds[f"copies of {self.entries}"] += copies.count
@@ -158,6 +162,14 @@ class Log:
                 f"{copies.count:,} {self.entries} are copies of others, with the same time and data, as of a log that was "
                 "appended or merged twice: they are left out"
             )
+
+
+def _kept(chunks: Iterable[Columns], wanted: WantedIds | None) -> Iterator[Columns]:
+    """The frames that are wanted."""
+    for chunk in chunks:
+        few = chunk if wanted is None else select(chunk, wanted.rows(chunk.id))
+        if few.t.size:
+            yield few
 
 
 def _hand_over(unjudged: list[Note] | None, notes: list[Note] | None, copies: Copies) -> None:

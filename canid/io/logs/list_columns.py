@@ -1,0 +1,107 @@
+"""What the columns of a list of CAN frames are called: the role of each, and the unit or base that its name states."""
+
+from __future__ import annotations
+
+import re
+
+# names in lower case, without blanks, points, hyphens, underscores and what is in brackets; those of byte columns are
+# in `BYTE`
+ROLES = {
+    "time": (
+        "time timestamp timestamps timestampepoch abstime absolutetime timeabs systemtime reltime relativetime timeoffset "
+        "timeofday t ts zeit zeitstempel temps 时间标识 时间戳 时间 系统时间 時刻 время"
+    ),
+    "date": "date datum 日期",
+    "id": (
+        "id canid arbitrationid arbid identifier messageid msgid frameid canidentifier addr address kennung idhex iddec "
+        "id号 帧id 报文id 識別子 идентификатор"
+    ),
+    "data": "data databytes payload message msgdata framedata candata rawdata datahex databytehex daten 数据 データ данные",
+    "length": "dlc len length datalength datalen dl bytes size msglen messagelength lange länge 长度 数据长度 長さ длина",
+    "extended": (
+        "ide ext extended xtd ex isextended extendedid isextendedid format frameformat idformat idtype 帧格式"
+    ),
+    "way": "dir direction rxtx txrx 传输方向 方向",
+    "bus": "bus busid buschannel channel chan chn ch canchannel canbus interface port network can通道 通道 通道号",
+    "remote": "rtr rt remote isremote remoteframe isremoteframe",
+    "error": "error err iserror errorframe iserrorframe er",
+    "fd": "fd edl fdf isfd canfd",
+    "brs": "brs bitrateswitch",
+    "esi": "esi errorstateindicator",
+    "sent": "tx",
+    "type": "type frametype msgtype messagetype cantype protocol flags flag 帧类型 can类型",
+}  # fmt: skip
+_ROLE = {name: role for role, names in ROLES.items() for name in names.split()}
+# a column of one byte, and which
+BYTE = re.compile(r"(?:d|b|db|data|byte|databyte|数据)[\[(]?(\d{1,2})[\])]?")
+# what is in brackets or behind a stroke, and the structure of MDF before a name, as asammdf exports bus logging
+_BRACKETS = re.compile(r"[(\[].*?[)\]]|/.*$")
+_MDF = re.compile(r"^can_dataframe\.(can_dataframe\.)?")
+_UNITS = {
+    "ns": 1, "us": 1_000, "µs": 1_000, "μs": 1_000, "micros": 1_000, "microseconds": 1_000, "ms": 1_000_000,
+    "millis": 1_000_000, "milliseconds": 1_000_000, "0.1ms": 100_000, "s": 1_000_000_000, "sec": 1_000_000_000,
+    "secs": 1_000_000_000, "seconds": 1_000_000_000,
+}  # fmt: skip
+_UNIT = re.compile(r"[(\[/_ ]([\w.µμ]+)[)\]]?$")
+_BASES = {"hex": 16, "hexadecimal": 16, "dec": 10, "decimal": 10}
+
+
+def decoded(text: str) -> str:
+    """A line that was read as Latin-1 in its own encoding: UTF-8, or that of Windows in Chinese.
+
+    >>> decoded("数据帧".encode().decode("latin-1")), decoded("数据帧".encode("gbk").decode("latin-1")), decoded("数据")
+    ('数据帧', '数据帧', '数据')
+    """
+    if text.isascii():
+        return text
+    try:
+        octets = text.encode("latin-1")
+    except UnicodeEncodeError:
+        return text  # it is decoded
+    for name in ("utf-8", "gbk"):
+        try:
+            return octets.decode(name)
+        except UnicodeDecodeError:
+            continue
+    return text
+
+
+def role_of(cell: str) -> str:
+    """The role of a column by its name; "" where it has none.
+
+    >>> [role_of(name) for name in ("Identifier (hex)", "CAN_DataFrame.DataBytes", "时间标识", "Time/ms", "Gap")]
+    ['id', 'data', 'time', 'time', '']
+    """
+    plain = _BRACKETS.sub("", _MDF.sub("", cell.strip(" \"'\t").lower()))
+    name = re.sub(r"[\s._-]", "", plain)
+    role = _ROLE.get(name, "")
+    if (
+        not role
+        and (stem := re.fullmatch(r"(\D+?)_?([a-zµμ]+)", plain.strip()))
+        and stem[2] in _UNITS | _BASES
+    ):
+        return _ROLE.get(re.sub(r"[\s._-]", "", stem[1]), "")
+    return role
+
+
+def unit_of(cell: str) -> int:
+    """The ns of the unit that the name of a column of times states; 0: none.
+
+    >>> unit_of("Time [ms]"), unit_of("Time/ms"), unit_of("timestamp_us"), unit_of("TimestampEpoch"), unit_of("Time (abs)")
+    (1000000, 1000000, 1000, 1000000000, 0)
+    """
+    text = cell.strip(" \"'\t").lower()
+    if text == "timestampepoch":  # of CSS Electronics
+        return _UNITS["s"]
+    match = _UNIT.search(text)
+    return _UNITS.get(match[1], 0) if match else 0
+
+
+def base_of(cell: str) -> int:
+    """The base that the name of a column states; 0: none.
+
+    >>> base_of("ID (hex)"), base_of("id_dec"), base_of("ID")
+    (16, 10, 0)
+    """
+    match = re.search(r"[(\[/_ ](\w+)[)\]]?$", cell.strip(" \"'\t").lower())
+    return _BASES.get(match[1], 0) if match else 0
