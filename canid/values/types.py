@@ -290,10 +290,13 @@ class _Channel(NamedTuple):
     progress: Progress | None = None  # None: all may be quoted, or nothing is known of what is missing
     # parameter -> share of what is known of it that a declared prior brought, 0 to 1; none: no prior is declared
     prior_weights: Mapping[str, float] = {}
+    # why a parameter that the data show may not be quoted, and what to do; "": none is withheld
+    withheld: str = ""
 
     def __repr__(self) -> str:
         known = [f"{name}={getattr(self, name)}" for name in QUOTED[self.status]]
-        return f"Channel({', '.join([*known, self.status.value])})"
+        said = [*known, self.status.value, *filter(None, (self.withheld,))]
+        return f"Channel({', '.join(said)})"
 
 
 class Channel(_Channel, Shown):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from canid.analysis.fleet.storage.columns import POOLED
 from canid.analysis.fleet.storage.database import opened
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.population import drive_table as tables
+from canid.models.diagnosis import averaged_gain
 from canid.values.fleet_summary import Kind
 from tests.fixtures.fleet_folder import Planted, made, write
 
@@ -250,3 +252,25 @@ def test_own_estimates_are_generalised_least_squares(seed: int) -> None:
         assert mean[i, inside] == pytest.approx(C @ b[inside], rel=1e-8)
         assert sd[i, inside] == pytest.approx(np.sqrt(np.diag(C)), rel=1e-8)
         assert np.isnan(np.delete(mean[i], inside)).all()
+
+
+def test_a_gain_that_identify_withholds_is_not_pooled_and_the_reason_is_said(
+    planted: Planted, seed: int
+) -> None:
+    """An average over a cause has a narrow interval, which the status alone does not take out."""
+    number = seed % len(planted.rows)
+    why = averaged_gain.reason("range_rate")
+    written = json.dumps({"whole": {"channels": {"range_rate": {"withheld": why}}}})
+    row = changed(planted, number, range_rate_status="not_identifiable", identify_json=written)
+    of = chosen(planted.folder)
+    column = of.table.estimate[:, MAIN.index("range_rate.K")]
+    assert np.isnan(column[row_of(of, row["log"])])
+    assert np.isfinite(np.delete(column, row_of(of, row["log"]))).all()
+    (population,) = summarise(planted.folder).populations
+    assert f"range rate K of 1 drive does not count; {why}" in population.says
+
+
+def test_a_small_gain_that_nothing_withholds_stays(planted: Planted) -> None:
+    row = changed(planted, 2, range_rate_status="not_identifiable", identify_json='{"whole": null}')
+    of = chosen(planted.folder)
+    assert np.isfinite(of.table.estimate[row_of(of, row["log"]), MAIN.index("range_rate.K")])

@@ -188,7 +188,11 @@ def _row(
     usable = {label: [q for q in side if q is not None and not q.why] for label, side in known.items()}
     unit = next(q.unit for side in known.values() for q in side if q is not None)
     count = (len(usable["A"]), len(usable["B"]))
-    why = "; ".join(filter(None, (_why(label, known[label], usable[label]) for label in ("A", "B"))))
+    whys = {label: _why(known[label], usable[label]) for label in ("A", "B")}
+    same = len({*whys.values()}) == 1
+    why = "; ".join(
+        f"{'A and B' if same else label}: {said}" for label, said in list(whys.items())[same:] if said
+    )
     units = list(dict.fromkeys(q.unit for side in usable.values() for q in side))
     if not why and len(units) > 1:
         why = f"the units differ: {' and '.join(units)}"
@@ -198,11 +202,11 @@ def _row(
     return Row(name, units[0], contrast.a, contrast.b, spread=contrast.spread, drives=count), contrast
 
 
-def _why(label: str, side: Iterable[Quantity | None], usable: Sequence[Quantity]) -> str:
+def _why(side: Iterable[Quantity | None], usable: Sequence[Quantity]) -> str:
     if usable:
         return ""
     reasons = dict.fromkeys(q.why for q in side if q is not None and q.why)
-    return f"{label}: {' / '.join(reasons) or 'not known'}"
+    return " / ".join(reasons) or "not known"
 
 
 def _shown(side: Iterable[Quantity | None]) -> Interval:

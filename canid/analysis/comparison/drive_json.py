@@ -129,7 +129,8 @@ def _channels(channels: Mapping[str, Any]) -> dict[str, Channel]:
     for name, channel in channels.items():
         K, tau, dead_time, total = (_interval(channel[field]) for field in FIELDS)
         status = _STATUS.get(channel["status"], Identifiable.NOT)
-        out[_text(name)] = Channel(K, tau, dead_time, total, status)
+        withheld = _text(channel.get("withheld", ""))
+        out[_text(name)] = Channel(K, tau, dead_time, total, status, withheld=withheld)
     return out
 
 

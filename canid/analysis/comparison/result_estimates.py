@@ -132,7 +132,7 @@ def _channels(channels: Mapping[str, Channel], unit: str, why: str) -> dict[str,
     for name, channel in channels.items():
         for field in FIELDS:
             value = _known(getattr(channel, field))
-            reason = "" if field in _QUOTED[channel.status] and finite(value) else why
+            reason = "" if field in _QUOTED[channel.status] and finite(value) else channel.withheld or why
             if field == "K" and not reason:
                 reason = _gain_unknown(unit)
             out[f"{name} {field}"] = Quantity(value, _per(unit, name) if field == "K" else "s", reason)

@@ -112,12 +112,13 @@ def _judged(requirement: Requirement, drive: Identified, output: str) -> Judged:
     quotable = requirement.what in known or (
         requirement.what == "tau_plus_dead_time" and {"tau", "dead_time"} <= set(known)
     )
-    return _within(requirement, value, f"{name} is {interval(value, unit)}", quotable)
+    return _within(requirement, value, f"{name} is {interval(value, unit)}", quotable, channel.withheld)
 
 
-def _within(requirement: Requirement, value: Interval, says: str, quotable: bool) -> Judged:
+def _within(requirement: Requirement, value: Interval, says: str, quotable: bool, why: str = "") -> Judged:
     if not quotable:
-        return Judged(requirement, f"{says}, which may not be quoted", f"{says}, which may not be quoted")
+        open_ = f"{says}, which may not be quoted{f': {why}' if why else ''}"
+        return Judged(requirement, open_, open_)
     inside = requirement.low <= value.value <= requirement.high
     return Judged(
         requirement,

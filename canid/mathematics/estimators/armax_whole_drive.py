@@ -75,9 +75,9 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     limited = AT_LIMIT if at_limit and not several else ""
     reasons = (*verdict.refused, *filter(None, (limited, too_slow, late)))
     if reasons:
-        channels = dict.fromkeys(channels, Channel())
+        channels = dict.fromkeys(channels, Channel(withheld="; ".join(reasons)))
     elif at_limit:
-        channels = {name: gain_only(channel) for name, channel in channels.items()}
+        channels = {name: gain_only(channel, DELAYS_AT_LIMIT) for name, channel in channels.items()}
         reasons = (DELAYS_AT_LIMIT,)
     return WholeDrive(
         channels,

@@ -346,11 +346,15 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
         left = plausibility.left_over(tests)
     following = _following(settings, _mean(trace, "speed"), _mean(trace, "headway"))
     verdict = plausibility.judge(channels, fit.fit_percent, _ranges(settings), following)
-    if verdict.refused:
-        channels = dict.fromkeys(channels, Channel())
-    unknown = DELAYS_HOLD_IT if is_unknown(settings.output_filter) else ""
     several = plausibility.several_answers(trace.input_names, fit.optima)
-    lines = tuple(filter(None, (*verdict.refused, *several, *verdict.remarks, form.says, left, unknown)))
+    for name in several:
+        channels[name] = channels[name]._replace(withheld=channels[name].withheld or several[name])
+    if verdict.refused:
+        channels = dict.fromkeys(channels, Channel(withheld="; ".join(verdict.refused)))
+    unknown = DELAYS_HOLD_IT if is_unknown(settings.output_filter) else ""
+    lines = tuple(
+        filter(None, (*verdict.refused, *several.values(), *verdict.remarks, form.says, left, unknown))
+    )
     details = {
         "says": "; ".join(lines),
         "standstill": form.standstill,

@@ -277,7 +277,9 @@ def with_changes(drive: WholeDrive, course: OverTime) -> WholeDrive:
     """Add what changes to the result of a whole drive; where gains step, none of the whole drive may be quoted."""
     channels = drive.channels
     if course.changes:
-        channels = {name: not_quotable(channel) for name, channel in channels.items()}
+        times = ", ".join(f"{change.t.value:.0f}" for change in course.changes)
+        why = f"the gains changed during the drive, at {times} s"
+        channels = {name: not_quotable(channel, why) for name, channel in channels.items()}
     details: dict[str, Any] = {
         "changes": course.changes,
         "visible_change": {"factor": course.visible, "seconds": VISIBLE_S},

@@ -35,7 +35,7 @@ def with_waits(whole: Mapping[str, WholeDrive | None], trace: Trace) -> dict[str
             **result.details,
             "says": "; ".join(filter(None, (says, str(result.details.get("says", ""))))),
         }
-        channels = {key: gain_only(channel) for key, channel in result.channels.items()}
+        channels = {key: gain_only(channel, says) for key, channel in result.channels.items()}
         out[name] = result._replace(channels=channels, lines=(says, *result.lines), details=details)
     return out
 

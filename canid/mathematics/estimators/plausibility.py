@@ -170,8 +170,8 @@ def _loop(channels: Mapping[str, Channel], following: Following | None) -> tuple
     )
 
 
-def several_answers(names: Sequence[str], optima: Sequence[Optimum]) -> list[str]:
-    """Say which gains are withheld since the data leave two answers that exclude each other.
+def several_answers(names: Sequence[str], optima: Sequence[Optimum]) -> dict[str, str]:
+    """Inputs whose gains are withheld since the data leave two answers that exclude each other, and what to say of each.
 
     Args:
         names: of the inputs.
@@ -179,17 +179,17 @@ def several_answers(names: Sequence[str], optima: Sequence[Optimum]) -> list[str
 
     >>> one = Channel(Interval(0.4, 0.3, 0.5), status=Identifiable.GAIN_ONLY)
     >>> two = one._replace(K=Interval(1.7, 1.2, 2.2))
-    >>> several_answers(["range_rate"], [Optimum((one,), 0.8), Optimum((two,), 0.2)])[0].partition(":")[0]
+    >>> several_answers(["range_rate"], [Optimum((one,), 0.8), Optimum((two,), 0.2)])["range_rate"].partition(":")[0]
     'range rate'
     >>> several_answers(["range_rate"], [Optimum((one,), 0.8), Optimum((one,), 0.2)])
-    []
+    {}
     """
-    out = []
+    out = {}
     for i, name in enumerate(names):
         gains = [optimum.channels[i].K for optimum in optima]
         if gains and apart(gains):
             answers = " or ".join(f"{K.value:.2f} [{K.low:.2f}, {K.high:.2f}]" for K in gains)
-            out.append(
+            out[name] = (
                 f"{name.replace('_', ' ')}: {len(gains)} answers fit this drive about as well, K {answers}, each with a "
                 "noise of its own: none may be quoted; a longer drive, or a lead that moves more, decides"
             )

@@ -109,11 +109,11 @@ def choose(trace: Trace, fitted: Callable[[Trace], ProcessFit]) -> Chosen:
         mean = float(weight @ FINE)
         says = f"the wanted gap is about {mean:.1f} m + T·v (a time headway alone is excluded): K of headway error is for it"
         if float(weight[0.5 * (STANDSTILLS[-1] + STANDSTILLS[-2]) < FINE].sum()) > MISS:
-            channels[i], several = not_quotable(channels[i]), True
             says = (
                 f"the wanted gap depends on the speed by more than a standstill gap of {STANDSTILLS[-1]:.0f} m: K of "
                 "headway error may not be quoted"
             )
+            channels[i], several = not_quotable(channels[i], says), True
     elif with_gap > MISS and _differ(fit.channels[i], gap_fit.channels[i]):
         several = True
         says = "the drive does not show whether the wanted gap is T·v or s0 + T·v: K of headway error covers both"
@@ -222,8 +222,9 @@ def without_gain(result: WholeDrive, reason: str) -> WholeDrive:
     """
     if HELD not in result.channels or not quotable(result.channels[HELD], "K"):
         return result
-    channels = {**result.channels, HELD: not_quotable(result.channels[HELD])}
-    return result._replace(channels=channels, lines=(f"headway error: {reason}", *result.lines))
+    says = f"headway error: {reason}"
+    channels = {**result.channels, HELD: not_quotable(result.channels[HELD], says)}
+    return result._replace(channels=channels, lines=(says, *result.lines))
 
 
 def _differ(channel: Channel, other: Channel) -> bool:

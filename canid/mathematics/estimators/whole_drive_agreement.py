@@ -245,12 +245,12 @@ def without_parameter(result: WholeDrive | None, name: str, what: str, reason: s
         return None
     channel = result.channels[name]
     if what in QUOTABLE[channel.status]:
-        channel = _LEAVE[what](channel)
+        channel = _LEAVE[what](channel, reason)
     return _said(result, {**result.channels, name: channel}, reason)
 
 
 # what is left of a channel without a parameter
-_LEAVE: Mapping[str, Callable[[Channel], Channel]] = {
+_LEAVE: Mapping[str, Callable[[Channel, str], Channel]] = {
     "K": not_quotable,
     "tau": sum_only,
     "dead_time": sum_only,
@@ -262,14 +262,16 @@ def _without_delays(result: WholeDrive | None, reason: str) -> WholeDrive | None
     """Withhold the delays of all inputs; what quotes none says nothing more."""
     if result is None or not reason:
         return result
-    channels = {name: gain_only(channel) for name, channel in result.channels.items()}
+    channels = {name: gain_only(channel, reason) for name, channel in result.channels.items()}
     return result if channels == result.channels else _said(result, channels, reason)
 
 
 def _without_all(result: WholeDrive | None, reason: str) -> WholeDrive | None:
     if result is None:
         return None
-    return _said(result, {name: not_quotable(channel) for name, channel in result.channels.items()}, reason)
+    return _said(
+        result, {name: not_quotable(channel, reason) for name, channel in result.channels.items()}, reason
+    )
 
 
 def _said(result: WholeDrive, channels: Mapping[str, Channel], reason: str) -> WholeDrive:

@@ -171,33 +171,37 @@ def channel(
     return estimated
 
 
-def gain_only(channel: Channel) -> Channel:
-    """Leave at most the gain to be quoted: what is not the driver's is in the delays.
+def gain_only(channel: Channel, why: str = "") -> Channel:
+    """Leave at most the gain to be quoted, for a reason: what is not the driver's is in the delays.
 
     >>> gain_only(Channel(status=Identifiable.SUM_ONLY)).status
     <Identifiable.GAIN_ONLY: 'gain_only'>
     """
     delayed = channel.status in (Identifiable.OK, Identifiable.SUM_ONLY)
-    return channel._replace(status=Identifiable.GAIN_ONLY, progress=None) if delayed else channel
+    return _left(channel, Identifiable.GAIN_ONLY, why) if delayed else channel
 
 
-def sum_only(channel: Channel) -> Channel:
-    """Leave at most the gain and tau + dead time to be quoted.
+def sum_only(channel: Channel, why: str = "") -> Channel:
+    """Leave at most the gain and tau + dead time to be quoted, for a reason.
 
     >>> sum_only(Channel(status=Identifiable.OK)).status
     <Identifiable.SUM_ONLY: 'sum_only'>
     """
     apart = channel.status is Identifiable.OK
-    return channel._replace(status=Identifiable.SUM_ONLY, progress=None) if apart else channel
+    return _left(channel, Identifiable.SUM_ONLY, why) if apart else channel
 
 
-def not_quotable(channel: Channel) -> Channel:
-    """Leave nothing to be quoted.
+def not_quotable(channel: Channel, why: str = "") -> Channel:
+    """Leave nothing to be quoted, for a reason.
 
-    >>> not_quotable(Channel(status=Identifiable.OK)).status
-    <Identifiable.NOT: 'not_identifiable'>
+    >>> not_quotable(Channel(status=Identifiable.OK), "the gains changed")
+    Channel(not_identifiable, the gains changed)
     """
-    return channel._replace(status=Identifiable.NOT, progress=None)
+    return _left(channel, Identifiable.NOT, why)
+
+
+def _left(channel: Channel, status: Identifiable, why: str) -> Channel:
+    return channel._replace(status=status, progress=None, withheld=why or channel.withheld)
 
 
 def with_gain(channel: Channel, K: Interval) -> Channel:

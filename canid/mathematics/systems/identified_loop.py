@@ -137,7 +137,7 @@ def _not_known(fit: ProcessFit | None, channels: Mapping[str, Channel]) -> str:
     for name in TASK_INPUTS["car_following"]:
         channel = channels[name]
         if channel.status is Identifiable.NOT or not all(map(math.isfinite, channel.K)):
-            return (
+            return channel.withheld or (
                 f"the gain of {name.replace('_', ' ')} is not known over the whole drive: drive longer behind a lead "
                 "whose speed changes"
             )

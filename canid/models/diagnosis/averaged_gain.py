@@ -55,14 +55,23 @@ def without_averages(whole: Mapping[str, WholeDrive | None], trace: Trace) -> di
     others = shown(trace) if any(quoted.values()) else ()
     out = dict(whole)
     for name, gains in quoted.items():
-        moved = [key for key, gain in gains.items() if outside(gain, others, GAINS[key]) >= OUTSIDE]
-        says = (
-            f"K of {' and '.join(map(readable, moved))}: an average over a cause that the model has not; one with the cause "
-            "describes this drive better and has another K (`canid diagnose` searches for the cause)"
-        )
-        for key in moved:
-            out[name] = whole_drive_agreement.without_parameter(out[name], key, "K", says)
+        for key, gain in gains.items():
+            if outside(gain, others, GAINS[key]) >= OUTSIDE:
+                out[name] = whole_drive_agreement.without_parameter(out[name], key, "K", reason(key))
     return out
+
+
+def reason(key: str) -> str:
+    """Why the gain of an input is withheld, and what to do; the same words in every result.
+
+    Example:
+        >>> reason("range_rate").partition(":")[0]
+        'K of range rate is an average over a cause that the model does not have'
+    """
+    return (
+        f"K of {readable(key)} is an average over a cause that the model does not have: with it the model describes this "
+        "drive better and has another K; search for the cause with `canid diagnose`"
+    )
 
 
 def shown(trace: Trace) -> tuple[Alternative, ...]:

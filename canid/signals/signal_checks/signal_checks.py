@@ -156,7 +156,7 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
         late = next((finding for finding in stand if finding.withholds_delays), None)
         if late is None:
             return estimate
-        channels = {name: gain_only(channel) for name, channel in estimate.channels.items()}
+        channels = {name: gain_only(channel, sentence(late)) for name, channel in estimate.channels.items()}
         return estimate._replace(channels=channels, says=f"{estimate.says}; {sentence(late)}")
     status = Status.STALE if why.name.endswith(("_frozen", "_dead")) else Status.INCONSISTENT
     return estimate._replace(

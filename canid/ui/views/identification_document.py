@@ -135,7 +135,7 @@ def _document(log: IdentifiedLog, anchor: str = "") -> doc.Document:
     limits = [f"{capitalised(end.says)}." for end in drive.output_limits]
     open_scale, known_scale = (scale, []) if identification_text.is_open(drive) else ([], scale)
     tests = identification_text.residual_tests(drive.headline)
-    loop = identification_text.loop_lines(drive.loop)
+    loop = identification_text.loop_lines(drive.loop, answer.withheld)
     if drive.loop.crossover.value == drive.loop.crossover.value:
         loop.append(f"crossover frequency {interval(drive.loop.crossover, 'rad/s')}")
     sections = [
@@ -191,12 +191,13 @@ def _parameters(log: IdentifiedLog) -> list[doc.Block]:
         "The first method carries the headline."
     )
     head = ("parameter", "unit", *(f">{name.upper()}" for name, _ in methods))
+    said = verdict(drive, output).withheld
     says = [
         f"{name.upper()}: {lack}."
-        # the verdict has those of the first
+        # the verdict has those of the first, and no reason twice
         for name, method in methods[1:]
         for lack in (estimate_text.all_missing(method.channels, output), str(method.details.get("says", "")))
-        if lack
+        if lack and lack.casefold() not in said.casefold()
     ]
     titles = [identification_text.title(name, method, readable(method.fit_kind)) for name, method in methods]
     changes = identification_text.changes(drive.headline, output, CHANGES_SHOWN)

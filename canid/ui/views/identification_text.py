@@ -240,8 +240,11 @@ def _string(loop: IdentifiedLoop) -> str:
     return "motion of the lead is not amplified"
 
 
-def loop_lines(loop: IdentifiedLoop) -> list[str]:
-    """Margins and string stability with the car, or why there are none."""
+def loop_lines(loop: IdentifiedLoop, withheld: str = "") -> list[str]:
+    """Margins and string stability with the car, or why there are none; `withheld`: what was said before of the same."""
+    reason = loop.says.partition(", nor margins")[0]
+    if reason and reason.casefold() in withheld.casefold():
+        return ["driver and car: no margins: they depend on what may not be quoted"]
     if loop.says:
         return [f"driver and car: no margins: {loop.says}"]
     car = (
@@ -261,11 +264,8 @@ def loop_lines(loop: IdentifiedLoop) -> list[str]:
 
 def _loop(loop: IdentifiedLoop, withheld: str) -> list[str]:
     """The same in two lines."""
-    reason = loop.says.partition(", nor margins")[0]
-    if reason and reason.casefold() in withheld.casefold():
-        return ["driver and car: no margins: they depend on delays that may not be quoted"]
     if loop.says:
-        return wrapped(loop_lines(loop)[0])
+        return wrapped(loop_lines(loop, withheld)[0])
     margins = (
         f"phase margin {interval(loop.phase_margin, '°')}, delay margin {interval(loop.delay_margin, 's')}"
     )

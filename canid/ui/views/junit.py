@@ -38,5 +38,6 @@ def xml(logs: Sequence[JudgedLog]) -> str:
             )
             if case.failed:
                 ET.SubElement(about, "failure", message=terminal_text(case.failed))
-            ET.SubElement(about, "system-out").text = terminal_text(case.says)
+            if case.says != case.failed:
+                ET.SubElement(about, "system-out").text = terminal_text(case.says)
     return "<?xml version='1.0' encoding='utf-8'?>\n" + ET.tostring(root, encoding="unicode") + "\n"

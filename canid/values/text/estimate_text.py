@@ -115,6 +115,16 @@ def all_missing(channels: Mapping[str, Channel], output: str = "") -> str:
     return f"to quote more: {' · '.join(each)}" if each else ""
 
 
+def unknown(ch: Channel) -> str:
+    """What stands for the numbers of a channel none of which may be quoted; why one is withheld is said once, elsewhere.
+
+    Example:
+        >>> unknown(Channel()), unknown(Channel(withheld="the gains changed during the drive, at 60 s"))
+        ('not identifiable', 'not to be quoted')
+    """
+    return "not to be quoted" if ch.withheld else "not identifiable"
+
+
 def channel(name: str, ch: Channel, output: str = "", places: int | None = DECIMALS) -> str:
     """One channel in one line.
 
@@ -130,7 +140,7 @@ def channel(name: str, ch: Channel, output: str = "", places: int | None = DECIM
         ('range rate: K 7.23 [2.31, 11.28]', 'range rate: K 7.2 [2.3, 11.3] % per m/s')
     """
     if ch.status is Identifiable.NOT:
-        return f"{readable(name)}: not identifiable"
+        return f"{readable(name)}: {unknown(ch)}"
     gain = interval(ch.K, gain_unit(output, name) if output else "", places)
     return f"{readable(name)}: K {gain}  {delays(ch, places)}".rstrip()
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from canid.analysis.fleet.answers.labels import label
 from canid.analysis.fleet.storage.columns import natural
 from canid.analysis.fleet.storage.database import rows
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
@@ -59,6 +61,7 @@ class Selection(NamedTuple):
     table: DriveTable
     usable: Array  # (n,) s
     excluded: tuple[Excluded, ...]
+    withheld: tuple[str, ...] = ()  # gains of drives that `identify` withholds, and why, in sentences
 
 
 def kinds(db: Any) -> tuple[Kind, ...]:
@@ -124,7 +127,8 @@ def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN) -> Selection:
 
     Returns:
         Drives with at least one known parameter. K is known wherever it has an interval, also one that its status does not
-        let be quoted: small gains would be left out else, and a population of the others is too large and too narrow. Log
+        let be quoted: small gains would be left out else, and a population of the others is too large and too narrow. One
+        that `identify` withholds for another reason than its size, such as an average over a cause, is not known. Log
         tau + dead time is known where the status is ok or sum_only, log tau and dead time where it is ok. Covariances
         between parameters are those of the joint posterior where a drive has one, else 0; the logarithms of noise sd and
         wanted headway, which are positive, are from their intervals.
@@ -153,7 +157,9 @@ def selection(db: Any, kind: Kind, names: Sequence[str] = MAIN) -> Selection:
         group=columns.chosen("group_name", places),
         car=columns.chosen("car", places),
     )
-    return Selection(kind, table, columns.number("usable")[places], excluded)
+    return Selection(
+        kind, table, columns.number("usable")[places], excluded, tuple(_withheld_gains(columns, names))
+    )
 
 
 class _Columns:
@@ -188,8 +194,25 @@ class _Columns:
 
 def _texts(names: Sequence[str]) -> list[str]:
     """What is read of each drive as a text."""
-    statuses = dict.fromkeys(f"{channel}_status" for name in names if (channel := name.rpartition(".")[0]))
-    return ["log", "driver", "group_name", "car", _FAULTS, _WITH_PRIOR, *statuses]
+    channels = dict.fromkeys(channel for name in names if (channel := name.rpartition(".")[0]))
+    of_channels = [sql for channel in channels for sql in (f"{channel}_status", _withheld(channel))]
+    return ["log", "driver", "group_name", "car", _FAULTS, _WITH_PRIOR, *of_channels]
+
+
+def _withheld(channel: str) -> str:
+    """Why `identify` withholds the gain of a drive; "": it does not."""
+    why = f"json_extract_string(identify_json, '$.whole.channels.{channel}.withheld')"
+    return f"CASE WHEN {channel}_status = '{Identifiable.NOT.value}' THEN {why} END"
+
+
+def _withheld_gains(columns: _Columns, names: Sequence[str]) -> Iterator[str]:
+    for name in names:
+        channel, _, parameter = name.rpartition(".")
+        why = Counter(filter(None, columns.text(_withheld(channel)))) if parameter == "K" else Counter[str]()
+        if why:
+            drives = f"{why.total():,} drive{'s' * (why.total() > 1)}"
+            most = "most often: " * (len(why) > 1) + why.most_common(1)[0][0]
+            yield f"{label(name)} of {drives} does not count; {most}"
 
 
 def _numbers(names: Sequence[str]) -> list[str]:
@@ -218,7 +241,7 @@ def _marginal(columns: _Columns, name: str) -> tuple[Array, Array]:
         joint, joint_variance = columns.number(_element(name)), _joint_covariance(columns, name, name)
         there = np.isfinite(joint) & (joint_variance > 0.0)
         if parameter == "K":
-            usable |= there
+            usable = (usable | there) & (np.array(columns.text(_withheld(channel)), dtype=object) == "")
         statuses = _KNOWN[parameter.removeprefix("log_")]
         usable &= np.isin(np.array(columns.text(f"{channel}_status"), dtype=object), statuses)
         there &= usable

@@ -45,7 +45,8 @@ def population(selections: tuple[Selection, ...], pools: tuple[hierarchical.Popu
         Driver(name, int(drives[k]), float(usable[k]), shrunken.get(name, {}), own_estimates.get(name, {}))
         for k, name in enumerate(main.table.drivers)
     )
-    says = tuple(dict.fromkeys(line for pool in pools if pool.counts.any() for line in pool.says))
+    of_pools = [line for pool in pools if pool.counts.any() for line in pool.says]
+    says = tuple(dict.fromkeys([*main.withheld, *of_pools]))
     return Population(kind, tuple(parameters), drivers, (), says, ())
 
 

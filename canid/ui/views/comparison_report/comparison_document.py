@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from canid.analysis.comparison.comparison import DIFFERENT, NOT_COMPARABLE, Comparison, Row
 from canid.analysis.comparison.drive import DriveEstimates
+from canid.analysis.comparison.result_estimates import NOT_IDENTIFIABLE
 from canid.analysis.drive.response_sentence import FOR_EACH
 from canid.ui.views.comparison_report.forest import forest
 from canid.ui.views.comparison_report.levels import levels
@@ -156,6 +157,10 @@ def sentence(comparison: Comparison) -> str:
     if comparison.verdict == NOT_COMPARABLE:
         if any("units differ" in row.why for row in comparison.rows):
             return "no parameter is known on both sides in one unit; compare drives with the same output"
+        if comparison.rows and not any(NOT_IDENTIFIABLE in row.why for row in comparison.rows):
+            return (
+                "no parameter may be quoted on both sides; why, and what to do, stands under 'not compared'"
+            )
         return (
             "no parameter is known on both sides; longer drives with more movement of the inputs are needed"
         )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from canid.ui.views.document.document import Table
 from canid.ui.views.notebook.fragment import bar, fragment, scale
+from canid.values.text import estimate_text
 from canid.values.text.names import SYMBOLS, readable
 from canid.values.text.numbers import gain_unit, interval
 from canid.values.types import QUOTED, Channel, Estimate, Identifiable, Interval, Status
@@ -25,7 +26,7 @@ def rows(channels: Mapping[str, Channel], output: str = "") -> list[tuple[str, s
             unit = (gain_unit(output, name) if output else "") if field == "K" else "s"
             out.append((readable(name), SYMBOLS[field], getattr(channel, field), unit))
         if channel.status is Identifiable.NOT:
-            out.append((readable(name), "–", Interval(), "not identifiable"))
+            out.append((readable(name), "–", Interval(), estimate_text.unknown(channel)))
     return out
 
 
@@ -50,7 +51,7 @@ def interval_html(known: Interval) -> str:
 
 def channel_html(channel: Channel) -> str:
     """What may be quoted of one channel."""
-    return fragment("Channel", channel_table({"": channel}))
+    return fragment("Channel", channel.withheld, channel_table({"": channel}))
 
 
 def estimate_html(estimate: Estimate) -> str:
