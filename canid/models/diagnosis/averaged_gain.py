@@ -66,11 +66,11 @@ def reason(key: str) -> str:
 
     Example:
         >>> reason("range_rate").partition(":")[0]
-        'K of range rate is an average over a cause that the model does not have'
+        'K of range rate is probably an average over a cause that the model does not have'
     """
     return (
-        f"K of {readable(key)} is an average over a cause that the model does not have: with it the model describes this "
-        "drive better and has another K; search for the cause with `canid diagnose`"
+        f"K of {readable(key)} is probably an average over a cause that the model does not have: with it the model "
+        "describes this drive better and has another K; search for the cause with `canid diagnose`"
     )
 
 
