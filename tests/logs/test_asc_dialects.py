@@ -149,7 +149,7 @@ def test_a_log_of_symbolic_names_is_refused(tmp_path: Path, names: tuple[str, st
     with pytest.raises(
         ConfigError, match=r"line [5-9]: '.*' is a message's name, and no id: log ids instead"
     ):
-        open_log(path)
+        list(open_log(path))
     numbers = [line.replace(names[k % 2], f"{0x100 + k:X}") for k, line in enumerate(lines)]
     numbers[3] = numbers[3].replace(" 103 ", " 1Z3 ")
     path.write_text(

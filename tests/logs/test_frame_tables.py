@@ -222,8 +222,48 @@ def clocked(rng: random.Random) -> tuple[str, list[Sent]]:
     return "\n".join(rows) + "\n", frames
 
 
+def canking(rng: random.Random) -> tuple[str, list[Sent]]:
+    """Kvaser's window: hexadecimal with padded ids, or decimal where a line says so."""
+    frames, decimal = drawn(rng, remote=True), rng.random() < 0.4
+    rows = ["Format of id field: DEC", "Format of data field: DEC"] * decimal
+    rows += ["Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir"]
+    for k, one in enumerate(frames):
+        id_ = f"{one.id}" if decimal else f"{one.id:08X}"
+        data = "".join(f"{octet:3d} " if decimal else f"{octet:02X}  " for octet in one.data)
+        marks = "X" * one.extended + " " + "R" * one.remote
+        at = f"{one.us // 10**6 + 100:6d}.{one.us % 10**6:06d}"
+        rows.append(f" 0  {id_:>10s} {marks:4s}    {len(one.data)}  {data:32s} {at} {'T' if one.tx else 'R'}")
+        if k % 90 == 5:
+            rows.append(f" 0    00000000            ErrorFrame                     {at} R")
+    return "\n".join([*rows, "Logging stopped."]) + "\n", frames
+
+
+def memorator(rng: random.Random) -> tuple[str, list[Sent]]:
+    """What the Memorator's converter writes as plain text."""
+    frames = drawn(rng, buses=2)
+    rows = ["          Kvaser Memorator Log", "          ====================", "Settings:"]
+    rows += [
+        "   Format of data field: HEX",
+        "   Format of id field:   HEX",
+        "   CAN channel:          1 2",
+        "",
+    ]
+    rows += [
+        "        Time Chan   Identifier Flags        DLC  Data                           Counter",
+        "=" * 80,
+    ]
+    rows += ["    0.000  Trigger (type=0x1, active=0x00, pre-trigger=0, post-trigger=-1)"]
+    for k, one in enumerate(frames):
+        at = f"{one.us // 10**6 + 1:4d}.{one.us % 10**6:06d}"
+        marks = ("Tx" if one.tx else "Rx") + " x" * one.extended
+        rows.append(
+            f"{at}  {one.bus + 1:2d}  {one.id:8X}  {marks:5s} {len(one.data):2d}  {one.data.hex(' ').upper():24s} {k + 1:8d}"
+        )
+    return "\n".join(rows) + "\n", frames
+
+
 DIALECTS: tuple[Callable[[random.Random], tuple[str, list[Sent]]], ...] = (
-    canedge, clx, zlg, ixxat, asammdf, pp2can, micropecker, pandas_frame, clocked,
+    canedge, clx, zlg, ixxat, asammdf, pp2can, micropecker, pandas_frame, clocked, canking, memorator,
 )  # fmt: skip
 
 
@@ -271,6 +311,7 @@ REFUSED = (
     ("When,ID (hex),Data\n0.1,123,01 0A\n", "named as one of times"),
     ("Time,ID (hex),Data\n3/4/2025 10:00:00,123,01 0A\n", "its times, such as '3/4/2025 10:00:00', are not known"),
     ("# Logger type: CL2000\n# Time format: 0\nTimestamp;Type;ID;Data\n683;0;7df;02010d\n", "ms within a second"),
+    ("Chn Identifier Flg   DLC  D0...1  Time     Dir\n 0    123   2  01  22    0.1 R\n", "Kvaser's plain text, and its"),
     ('"No.","Time","Source","Destination","Protocol","Length","Info"\n"1","0.1","","","CAN","16","STD: 0x123"\n', ".pcapng"),
 )  # fmt: skip
 

@@ -93,7 +93,10 @@ class Drive(_Drive, Tabled):
 def as_vehicle(vehicle: Vehicle | str | Path, log: Log | None = None) -> Vehicle:
     """Read the vehicle file, unless it was read before; on the buses of a log, where there is one."""
     car = vehicle if isinstance(vehicle, Vehicle) else read_vehicle(vehicle)
-    return car if log is None else on_buses(car, log.buses)
+    if log is None:
+        return car
+    log.know(car.messages)
+    return on_buses(car, log.buses)
 
 
 def run(

@@ -65,6 +65,7 @@ class LogTables:
     def _make(self) -> None:
         vehicle, databases = with_databases(self._vehicle)
         log = open_log(self._log)
+        log.know(vehicle.messages)
         tables, read = SignalTables(vehicle, databases, log.buses), -math.inf
         chunks, rest = log.columns(), None
         while (t := self._asked()) is not None:

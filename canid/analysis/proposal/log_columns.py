@@ -53,7 +53,9 @@ def read(log: Log, files: Sequence[Dbc], progress: Callable[[float], None] | Non
     Raises:
         LogError: it cannot be read, or holds no frames.
     """
-    groups = groups_of(message for file in files for message in file.messages.values())
+    messages = [message for file in files for message in file.messages.values()]
+    log.know(messages)
+    groups = groups_of(messages)
     frames = frames_by_message(log, within=Window(stop=LONGEST_S), progress=progress, groups=groups)
     if not log.frames_read:
         raise LogError(f"{log.path} holds no frames")

@@ -145,9 +145,8 @@ FORMS = (
     ),
     Form(
         r"\s*Time\s+Chan\s+Identifier|\s*Chn\s+Identifier\s+Flg",
-        "is Kvaser's plain text",
-        None,
-        f"{_AS}, or export it there as CSV",
+        "Kvaser's plain text",
+        Format("canid.io.logs.others.kvaser_text", "read_kvaser_text", "Kvaser's plain text"),
     ),
     Form(r"@ TEXT @", "is a trace of CARBUS Analyzer", None, _AS),
     Form(r"\d+(\.\d+)?\s+\d?[RT](11|29)\s+[0-9A-F]+", "is a CRTD log", None, _AS),

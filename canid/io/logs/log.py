@@ -7,6 +7,7 @@ import importlib
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from canid.io.logs import content, formats
 from canid.io.logs.copies import Copies
 from canid.io.logs.input_file import regular_file
 from canid.io.logs.local_time import zone_of
-from canid.io.logs.reader_state import Note, Read, ReadState
+from canid.io.logs.reader_state import Note, Read, ReadState, SymbolicLogError
 from canid.io.logs.restarts import Restarts
 from canid.io.logs.text_lines import MAX_TIME_NS
 from canid.values import timestamps
@@ -24,6 +25,22 @@ from canid.values.shipped_files import located
 from canid.values.types import Columns, Damage, Frame
 
 
+class Named(Protocol):
+    """A message of a database."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def id(self) -> int:
+        """Its id."""
+
+    @property
+    def extended(self) -> bool:
+        """Whether that has 29 bits."""
+
+
 class Log:
     """The frames of one file. Iterate as often as you like: each iteration reads the file again.
 
@@ -31,6 +48,7 @@ class Log:
     """
 
     entries = "frames"  # what its file lists
+    _is_symbolic = False  # it has names of messages for their ids, see `know`
 
     def __init__(
         self,
@@ -45,10 +63,17 @@ class Log:
         self._read = read
         # interface -> bus, where the format has names (candump); see `values.bus_names`
         self.buses: dict[str, int] = {}
+        self._names: dict[str, tuple[int, bool]] = {}
+        self._begin()
+
+    def _begin(self) -> None:
+        """Read the first frame, for the start; that of a symbolic log waits for its database."""
         self._state = self._new_state()
-        # the first frame, for the start
-        chunks = read(path, self._state, None)
-        next(chunks, None)
+        chunks = self._read(self.path, self._state, None)
+        try:
+            next(chunks, None)
+        except SymbolicLogError:
+            self._is_symbolic = True
         chunks.close()  # type: ignore[attr-defined]  # it is a generator: close the file now
         self._first_remarks = tuple(self._state.remarks)
         start = self._state.start_ns
@@ -58,7 +83,14 @@ class Log:
         self._state = self._new_state()
 
     def _new_state(self, notes: list[Note] | None = None) -> ReadState:
-        return ReadState(size=self.path.stat().st_size, zone=self._zone, notes=notes, buses=self.buses)
+        size = self.path.stat().st_size
+        return ReadState(size=size, zone=self._zone, notes=notes, buses=self.buses, names=self._names)
+
+    def know(self, messages: Iterable[Named]) -> None:
+        """Give the messages of a database, by which a log with symbolic names in place of ids is read."""
+        if self._is_symbolic and (more := {each.name: (each.id, each.extended) for each in messages}):
+            self._names.update(more)
+            self._begin()
 
     @property
     def damage(self) -> Damage | None:

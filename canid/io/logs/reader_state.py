@@ -13,11 +13,16 @@ from datetime import tzinfo
 from pathlib import Path
 from typing import NamedTuple
 
+from canid.values.errors import ConfigError
 from canid.values.frame_columns import WantedIds
 from canid.values.types import Columns, Damage, Event
 
 # of a file that was joined of hundreds
 _MAX_REMARKS = 20
+
+
+class SymbolicLogError(ConfigError):
+    """A log has names of messages for their ids, and no database is known that has these."""
 
 
 class Note(NamedTuple):
@@ -37,6 +42,8 @@ class ReadState:
     unpacked: int = 0  # progress within the unpacked data: grows wherever work goes on
     # interface -> bus, of formats that name them; a reader that has to look for them does so once a log
     buses: dict[str, int] = field(default_factory=dict)
+    # of symbolic messages (.asc), each with its id and whether that has 29 bits; none: the log has ids
+    names: dict[str, tuple[int, bool]] = field(default_factory=dict)
     start_ns: int | None = None  # epoch ns of the first frame, known before it is yielded
     damage: Damage | None = None  # known when the reading is over
     # events so far, where they are wanted: the owner of the list may empty it

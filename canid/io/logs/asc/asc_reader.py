@@ -23,12 +23,13 @@ from canid.io.logs.asc import (
     asc_events,
     asc_fd_base,
     asc_fixed_columns,
+    asc_names,
 )
 from canid.io.logs.asc.asc_fd_base import fd_lines
 from canid.io.logs.asc.asc_line import NamedMessage, Parsed, parse
 from canid.io.logs.asc.asc_times import HeaderLines, LogTimes, Zeros
 from canid.io.logs.line_columns import LineColumns, merged, none_found, widened
-from canid.io.logs.reader_state import Note, ReadState
+from canid.io.logs.reader_state import Note, ReadState, SymbolicLogError
 from canid.io.logs.text_lines import (
     MAX_TIME_NS,
     PROGRESS_LINES,
@@ -42,7 +43,7 @@ from canid.io.logs.text_lines import (
     line,
 )
 from canid.values import timestamps
-from canid.values.errors import ConfigError, DamagedLogError
+from canid.values.errors import DamagedLogError
 from canid.values.frame_columns import WantedIds, keep_memory, select
 from canid.values.types import Columns, Event, Flag
 
@@ -62,7 +63,9 @@ _MAX_EARLY_EVENTS = 1000
 _MAX_TIME_DIGITS = 100
 # lines with a name for an id that may be damage, before the first frames; and others' ids may be names in such a log: ABBA
 _MAX_NAMES = 2
-_NAMES_REMEDY = "log ids instead of symbolic names, or write a .blf, which has ids"
+_NAMES_REMEDY = (
+    "log ids instead of symbolic names, or write a .blf, which has ids, or name their database by --dbc"
+)
 # kinds of lines that are named in this file
 _HEADER_KIND, _COMMENT_KIND, _EVENT_KIND = "header lines", "comments", "events"
 _ERROR = int(Flag.ERROR)
@@ -119,7 +122,7 @@ class _Reading:
     def block(self, block: Block) -> Columns:
         """The frames of some lines."""
         header = self._header
-        fixed = _fast(block, header)
+        fixed = none_found(len(block.ends)) if self._state.names else _fast(block, header)
         singles = self._read_singly(block, fixed)
         if singles is None:
             # the base of numbers changes within these lines: parse all of them one by one
@@ -176,12 +179,19 @@ class _Reading:
             if header.base == 10 and not header.fd_base and len(words) > 1 and words[1].upper() == "CANFD":
                 header = self._header = header._replace(fd_base=asc_fd_base.of_log(self._path, item.number))
                 self._state.remark(asc_fd_base.DECIMAL if header.fd_base == 10 else asc_fd_base.HEXADECIMAL)
+            if self._state.names:
+                named = asc_names.resolved(words, self._state.names, header.base, header.fd_base or 16)
+                if named is None:
+                    singles.kinds[asc_names.UNKNOWN] += 1
+                    continue
+                words = named
             try:
                 parsed = parse(words, header.base, item, header.fd_base or 16)
             except ValueError as error:
                 names += isinstance(error, NamedMessage)
                 if names > _MAX_NAMES and not self._count.read:
-                    raise ConfigError(f"{self._path}: line {item.number}: {error}: {_NAMES_REMEDY}") from None
+                    says = f"{self._path}: line {item.number}: {error}: {_NAMES_REMEDY}"
+                    raise SymbolicLogError(says) from None
                 misses.append((item, str(error) if isinstance(error, Bad) else "it is no frame"))
                 continue
             if parsed is not None:

@@ -224,6 +224,15 @@ def _id_base(words: list[str], extended: list[list[str]]) -> int:
     return fits[0] if len(fits) == 1 else 0
 
 
+def proven_base(words: list[str], *, ids: bool) -> int:
+    """The base of ids or of bytes, where they prove it; 0: they do not.
+
+    >>> proven_base(["0000014B"], ids=True), proven_base(["123"], ids=True), proven_base(["0", "200"], ids=False)
+    (16, 0, 10)
+    """
+    return _id_base(words, []) if ids else _data_base(words)
+
+
 def octets_of(cell: str) -> list[str]:
     """The bytes of a cell as they are written; pairs of digits where nothing separates them.
 

@@ -93,10 +93,10 @@ def _log(args: argparse.Namespace, sink: TextOutput | None) -> int:
     from canid.io.logs import open_log
 
     log = open_log(args.log)
-    decoder = Decoder(
-        selection.read_files([selection.bound(name) for name in args.dbc], log.buses),
-        selection.wanted(args, log.buses),
-    )
+    files = selection.read_files([selection.bound(name) for name in args.dbc], log.buses)
+    for file in files:
+        log.know(file.messages)
+    decoder = Decoder(files, selection.wanted(args, log.buses))
     if args.table:
         _last_values(args, decoder, rounds(log))
     else:

@@ -75,6 +75,8 @@ def run(args: argparse.Namespace) -> int:
     outputs.check([json, report], options.read_by(args))
     log = open_log(args.log)
     files = selection.read_files(named, log.buses)
+    for file in files:
+        log.know(file.messages)
     if args.web is not None:
         look_page.serve(args, look_page.signal_page(args, log, files, vehicle))
         return DAMAGED if log.damage else DONE

@@ -63,6 +63,8 @@ def read(args: argparse.Namespace) -> Exported:
         drive, tables = _drive(args, vehicle)
     if files:
         files = [file._replace(bus=on_log(file.bus, log.buses)) for file in files]
+        for file in files:
+            log.know(file.messages.values())
         tables += _signals(args, log, files)
     return Exported(
         tables, origin, drive, None if drive is None else drive.health, log.damage if files else None

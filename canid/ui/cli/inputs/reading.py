@@ -35,6 +35,7 @@ def on_buses(vehicle: Vehicle, log: Log) -> Vehicle:
     """The vehicle on the buses of a log; reports where the log's one bus is taken for another number."""
     from canid.signals import vehicle as vehicles
 
+    log.know(vehicle.messages)
     moved = vehicles.on_buses(vehicle, log.buses)
     if moved is not vehicle and len(log.buses) == 1:
         (name, number), *_ = log.buses.items()

@@ -45,6 +45,8 @@ def signal_page(
     from canid.analysis.contents.signal_lines import lines_of_log
     from canid.ui.views.signal_page.signal_page import SignalPage
 
+    for file in files:
+        log.know(file.messages)
     with Progress(f"reading {args.log}") as bar:
         lines = lines_of_log(log, files, selection.wanted(args, log.buses), bar.to)
     if not lines:
