@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from canid.analysis.tables.column_map import read_map
 from canid.analysis.tables.episodes import PAUSE_S
 from canid.analysis.tables.table import Selection, Table, open_table, trace_of
 from canid.models.pipeline import pipeline
-from canid.values.errors import ConfigError
+from canid.values.errors import ConfigError, LogError
 from canid.values.types import Trace
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.tables import platoon
@@ -57,6 +58,89 @@ def test_sumo(tmp_path: Path, drive: Platoon, plain: bool) -> None:
     _follows(trace_of(table, pipeline.DT), drive, 1)
     with pytest.raises(ConfigError, match="has none ahead in any of its 600 rows"):
         _opened(path, "car.0")
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_sumo_in_xml(tmp_path: Path, drive: Platoon, packed: bool) -> None:
+    """As written by SUMO, plain or gzipped: ids with entities and letters of other languages, persons, a comment."""
+    path = platoon.sumo_xml(tmp_path / "fcd.xml", drive)
+    if packed:
+        path = path.with_suffix(".xml.gz")
+        path.write_bytes(gzip.compress((tmp_path / "fcd.xml").read_bytes()))
+    with pytest.raises(ConfigError, match=r"holds 3 vehicles: .* Bus <1> nach Köln \(60 s behind a lead\)"):
+        open_table(path)
+    table = _opened(path, "Bus <1> nach Köln")
+    assert "read as SUMO (--columns sumo)" in table.notes[0]
+    assert table.damaged == 0
+    trace = trace_of(table, pipeline.DT)
+    _follows(trace, drive, 1)
+    same = trace_of(_opened(platoon.sumo(tmp_path / "fcd.csv", drive), "car.1"), pipeline.DT)
+    np.testing.assert_array_equal(trace.output, same.output)
+
+
+@pytest.mark.parametrize("cut", [1, 2, 3])
+def test_a_damaged_line_of_xml_costs_no_other(tmp_path: Path, drive: Platoon, seed: int, cut: int) -> None:
+    """Lines that are cut at a drawn place are counted; the rows of a step whose time is damaged have none."""
+    lines = platoon.sumo_xml(tmp_path / "x.xml", drive).read_text(encoding="utf-8").split("\n")
+    rng = np.random.default_rng(seed + cut)
+    vehicles = [k for k, text in enumerate(lines[20:], 20) if "<vehicle" in text]
+    chosen = rng.choice(vehicles, 5, replace=False).tolist()
+    for k in chosen:
+        lines[k] = lines[k][: int(rng.integers(20, len(lines[k]) - 1))]
+    (tmp_path / "x.xml").write_text("\n".join(lines), encoding="utf-8")
+    table = _opened(tmp_path / "x.xml", "Bus <1> nach Köln")
+    assert table.damaged == 5
+    assert table.log.count.read == drive.speed.size - 5
+
+
+def test_sumo_without_leaders_says_how_to_write_them(tmp_path: Path, drive: Platoon) -> None:
+    """As fcd-output is by default, in either form; and XML that is none of it."""
+    path = platoon.sumo_xml(tmp_path / "fcd.xml", drive, leader=False)
+    with pytest.raises(ConfigError, match=r"--fcd-output\.max-leader-distance"):
+        open_table(path)
+    path.write_text("<routes>\n</routes>\n", encoding="utf-8")
+    with pytest.raises(LogError, match="of XML only SUMO's --fcd-output is read"):
+        open_table(path)
+
+
+@pytest.mark.parametrize("heading", [0.0, 128.0, 217.0, 330.0])
+def test_exid_in_any_direction(tmp_path: Path, heading: float) -> None:
+    """The gap is that of the centres, whatever way the motorway runs: no column is trusted whose meaning no page states."""
+    of = platoon.platoon(25, minutes=0.5, rate=25.0)
+    path = platoon.exid(tmp_path / "03_tracks.csv", of, heading)
+    with pytest.raises(
+        ConfigError, match=r"holds 3 vehicles: .* 21 \(30 s behind a lead\), 22 \(30 s\), 20 \(0 s\)"
+    ):
+        open_table(path)
+    for vehicle, k in ((21, 1), (22, 2)):
+        table = _opened(path, str(vehicle))
+        assert any("read as exiD" in note for note in table.notes)
+        trace = trace_of(table, pipeline.DT)
+        _follows(trace, of, k)
+        inside = slice(EDGE, -EDGE)
+        np.testing.assert_allclose(
+            trace.output[inside], np.interp(trace.t[inside], of.t, of.accel[:, k]), atol=0.1
+        )
+    assert any("2 episodes" in note or "1 of 3 vehicles" in note for note in _opened(path, "all").notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("recordingId,trackId,initialFrame,finalFrame,numFrames,class\n3,20,0,9,10,car\n", "XX_tracks.csv"),
+        ("recordingId,locationId,frameRate,duration\n3,0,25.0,1200\n", "XX_tracks.csv"),
+        (
+            "recordingId,trackId,frame,xCenter,yCenter,lonVelocity\n3,20,0,1.0,2.0,20.0\n",
+            "name no vehicle ahead",
+        ),
+    ],
+)
+def test_files_of_a_set_without_a_vehicle_ahead_are_named(tmp_path: Path, text: str, says: str) -> None:
+    """Descriptions of recordings, and sets of crossings."""
+    path = tmp_path / "x.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=says):
+        open_table(path)
 
 
 @pytest.mark.parametrize("lanes", [(1, 2), (3, 3)])

@@ -91,7 +91,7 @@ def shipped() -> dict[str, Path]:
 
     Example:
         >>> sorted(shipped())
-        ['citysim', 'follownet', 'highd', 'lyft', 'ngsim', 'openacc', 'openpilot', 'sumo', 'ultra_av', 'waymo']
+        ['citysim', 'exid', 'follownet', 'highd', 'lyft', 'ngsim', 'openacc', 'openpilot', 'sumo', 'ultra_av', 'waymo']
     """
     return {path.stem: path for path in sorted(SETS.glob("*.toml"))}
 

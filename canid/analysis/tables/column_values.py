@@ -20,6 +20,8 @@ from canid.values.types import Array
 
 # columns that the rows of the vehicle ahead can give
 OF_LEAD = {"speed": "lead_speed", "length": "lead_length", "position": "lead_position"}
+# and those of its centre in the plane, where a map says that they are of the centres
+IN_PLANE = {"east": "lead_east", "north": "lead_north"}
 
 
 def in_order(
@@ -48,7 +50,7 @@ def in_order(
     if clock is not None and row_order.by_time(clock.t)[0] is None:
         note = f"{name}: {by_role[TIME].entry.names[0]}: {clock.says}"
         return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""
-    raw = clean(table.numbers[place]) if place not in texts else times.t
+    raw = times.t if place in texts or by_role[TIME].rest else clean(table.numbers[place])
     order, late = row_order.by_time(raw)
     note = ""
     if order is not None:
@@ -96,8 +98,15 @@ def times_of(
         cells = table.texts[clock.place]
         if clock.date_place >= 0:
             cells = date_column.joined(table.texts[clock.date_place], cells)
-        return time_column.of_texts(cells, unit, where)
-    return time_column.of_numbers(table.numbers[clock.place], unit, where, clock.entry.rate)
+        times = time_column.of_texts(cells, unit, where)
+    else:
+        unit = unit or ("s" if clock.rest else None)
+        times = time_column.of_numbers(table.numbers[clock.place], unit, where, clock.entry.rate)
+    return (
+        times
+        if clock.rest is None
+        else time_column.with_rest(times, clean(table.numbers[clock.rest[0]]), clock.rest[1])
+    )
 
 
 def values_of(
@@ -164,6 +173,7 @@ def lead_columns(
     if (motion and distance) or not ("lead_id" in by_role or {"lane", "position"} <= by_role.keys()):
         return {}
     wanted = [role for role in ("speed", "length", "position", "lane") if role in by_role]
+    wanted += [role for role in IN_PLANE if role in by_role and by_role[role].entry.center]
     places = {role: by_role[role].place for role in (*wanted, "vehicle_id", TIME)}
     t = table.numbers[places[TIME]]
     ids, at = values["vehicle_id"], np.unique(t)
@@ -205,11 +215,12 @@ def lead_columns(
         lead = lead_rows.by_lane(t, values["lane"], clean(values["position"]), way, others)
         out["lead_id"] = lead
         notes.append(f"{source.name}: the vehicle ahead: the nearest in the same lane")
-    got = lead_rows.by_id(t, lead, others, [role for role in wanted if role in OF_LEAD])
+    of_lead = OF_LEAD | IN_PLANE
+    got = lead_rows.by_id(t, lead, others, [role for role in wanted if role in of_lead])
     for role, x in got.items():
-        if OF_LEAD[role] not in values:
+        if of_lead[role] not in values:
             signed = role == "position" or (role == "speed" and positions.is_signed(x, way))
-            out[OF_LEAD[role]] = x * way if signed else x
+            out[of_lead[role]] = x * way if signed else x
     notes.append(f"{source.name}: {', '.join(out)}: from the rows of the vehicle ahead")
     return out
 

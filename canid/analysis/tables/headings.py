@@ -45,7 +45,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     TIME: ("t", "timestamp", "time_stamp", "timestamps", "datetime", "date_time", "utc", "utc_time", "epoch",
            "x_value", "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time",
            "local_time", "system_time", "time_of_day", "unix_time", "unix_timestamp", "rel_time", "abs_time",
-           "simulation_time", "sim_time",
+           "simulation_time", "sim_time", "secs", "header_stamp_secs", "header_stamp_sec",
            "時間", "時刻", "时间"),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
               "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",

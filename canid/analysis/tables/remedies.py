@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
+
+from canid.analysis.tables.headings import heading
 
 
 class Remedies(NamedTuple):
@@ -42,3 +45,33 @@ FRAME = Remedies(
     "",
 )
 ARRAYS = FRAME._replace(columns="Give them as arguments of these names", map="{role}=...")
+# files of public sets without a vehicle ahead: names, as `Heading.name`, that it has, and lacks; what it is
+_RECORDING = "it describes a recording, whose rows are in the XX_tracks.csv of the same number"
+_SUMO = "SUMO writes the vehicle ahead with --fcd-output.max-leader-distance 200 --fcd-output.acceleration"
+_LAYOUTS = (
+    ("initial_frame num_frames", "", _RECORDING),
+    ("frame_rate location_id", "", _RECORDING),
+    (
+        "track_id x_center lon_velocity",
+        "lead_id",
+        "inD, rounD and uniD name no vehicle ahead; highD and exiD do",
+    ),
+    ("id pos angle", "leader_gap", _SUMO),
+    ("vehicle_id vehicle_pos vehicle_angle", "vehicle_leader_gap", _SUMO),
+)
+
+
+def remedy_of(headings: Sequence[str]) -> str:
+    """What a file of a known set is that has no vehicle ahead; "": it is none.
+
+    Example:
+        >>> remedy_of(["timestep_time", "vehicle_id", "vehicle_pos", "vehicle_angle"])[:35]
+        'SUMO writes the vehicle ahead with '
+        >>> remedy_of(["time", "speed", "gap"])
+        ''
+    """
+    names = {heading(text).name for text in headings}
+    return next(
+        (says for has, lacks, says in _LAYOUTS if names >= {*has.split()} and not names & {*lacks.split()}),
+        "",
+    )

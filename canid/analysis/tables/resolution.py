@@ -23,7 +23,7 @@ from canid.analysis.tables.headings import (
     role_of,
 )
 from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
-from canid.analysis.tables.source import Source
+from canid.analysis.tables.source import Source, number
 from canid.signals.vehicle.quoting import brief, several
 from canid.signals.vehicle.schema import did_you_mean
 from canid.signals.vehicle.units import unit_of
@@ -52,12 +52,14 @@ class Found(NamedTuple):
     closing: bool = False  # the range rate with the other sign
     date_place: int = -1  # of the dates, where times of day have them in a column of their own
     points: tuple[int, ...] = ()  # of `between`: x, y, x, y
+    rest: tuple[int, int] | None = None  # of whole seconds: the column of the rest, how many are a second
 
     @property
     def places(self) -> tuple[int, ...]:
         """All columns that it is made of."""
         measured = self.points or (self.place,)
-        return (*measured, *(place for place in (self.sign_place, self.date_place) if place >= 0))
+        others = (self.sign_place, self.date_place, *(self.rest or ())[:1])
+        return (*measured, *(place for place in others if place >= 0))
 
 
 class Resolved(NamedTuple):
@@ -119,7 +121,9 @@ def resolve(
 
 def _follows(by_role: Mapping[str, Found]) -> bool:
     own_motion = "speed" in by_role or "position" in by_role
-    return own_motion and any(x in by_role for x in LEAD_DISTANCE) and any(x in by_role for x in LEAD_MOTION)
+    centres = "east" in by_role and by_role["east"].entry.center
+    distance = centres or any(x in by_role for x in LEAD_DISTANCE)
+    return own_motion and distance and any(x in by_role for x in LEAD_MOTION)
 
 
 def _by_heading(
@@ -136,6 +140,9 @@ def _by_heading(
         exact = [place for place in places if parsed[place].name == role]
         # usual names come before what is understood by its words
         places = [place for place in places if not in_words(parsed[place])] or places
+        if role == TIME:
+            places = _finest(places, source)
+            exact = [place for place in exact if place in places]
         if role == TIME and not exact:
             places = _times(places, parsed, source)
         chosen = exact or places
@@ -191,6 +198,14 @@ def _times(places: Sequence[int], parsed: Sequence[Heading], source: Source | No
     undated = [place for place in advance if parsed[place].name not in DATED] or advance
     usual = (*ALIASES[TIME], *(parsed[place].name for place in undated))
     return sorted(undated, key=lambda place: usual.index(parsed[place].name))
+
+
+def _finest(places: Sequence[int], source: Source | None) -> list[int]:
+    """The columns of times without those that repeat their values where another one counts on."""
+    sample = source.sample() if source is not None and len(places) > 1 else []
+    counts = {place: len({*sample[place]}) for place in places if sample}
+    on = [k for k in counts if 0 < len(sample[k]) == counts[k] and sorted(sample[k], key=number) == sample[k]]
+    return [place for place in places if not on or 2 * counts[place] > len(sample[place])]
 
 
 def _differ(places: Sequence[int], parsed: Sequence[Heading], source: Source | None) -> bool:
@@ -343,7 +358,7 @@ def described(by_role: Mapping[str, Found], headings: Sequence[str]) -> str:
 
 
 def _named(headings: Sequence[str], column: Found) -> str:
-    places = (column.date_place, column.place)
+    places = (column.date_place, column.place, *(column.rest or ())[:1])
     return " + ".join(
         brief(headings[place].strip()) or "the column without a name" for place in places if place >= 0
     )

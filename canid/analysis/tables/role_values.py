@@ -214,6 +214,11 @@ def _gap(roles: dict[str, Array], t: Array, notes: list[str], name: str) -> None
     elif "lead_position" in roles and "position" in roles and length is not None:
         roles["gap"] = clean(roles["lead_position"]) - clean(roles["position"]) - length
         notes.append(f"{name}: gap: between the positions, without the length of the vehicle ahead")
+    elif length is not None and {"length", "east", "north", "lead_east", "lead_north"} <= roles.keys():
+        east, north, own_length = (clean(roles[role]) for role in ("east", "north", "length"))
+        between = np.hypot(clean(roles["lead_east"]) - east, clean(roles["lead_north"]) - north)
+        roles["gap"] = between - (own_length + length) / 2.0
+        notes.append(f"{name}: gap: between the centres, without half of both lengths")
     elif HEADWAY in roles and "speed" in roles:
         headway = clean(roles[HEADWAY])
         roles["gap"] = _like(headway * _at(t, clean(roles["speed"]), headway), roles[HEADWAY])

@@ -16,14 +16,15 @@ from canid.analysis.tables import (
     role_values,
     rows,
     time_column,
+    unstated_units,
     vehicle_choice,
     vehicle_ids,
 )
 from canid.analysis.tables.column_map import ColumnMap
 from canid.analysis.tables.headings import TIME, heading
-from canid.analysis.tables.remedies import COMMAND_LINE, Remedies
+from canid.analysis.tables.remedies import COMMAND_LINE, Remedies, remedy_of
 from canid.analysis.tables.resolution import Found, Resolved, described, resolve
-from canid.analysis.tables.source import EMPTY, Source
+from canid.analysis.tables.source import EMPTY, Source, clean
 from canid.analysis.tables.sources.open_source import source_of
 from canid.analysis.tables.table_log import TableLog, table_log
 from canid.analysis.tables.times import date_column
@@ -32,7 +33,7 @@ from canid.signals.vehicle import Vehicle
 from canid.signals.vehicle.quoting import brief, several
 from canid.values.errors import ConfigError, DamagedLogError
 from canid.values.roles import NEEDS
-from canid.values.types import Trace
+from canid.values.types import Array, Trace
 
 # columns that name what a row is of, in tables of one value a row
 _NAMES_OF_SIGNALS = {
@@ -99,7 +100,8 @@ def open_table(
         return table_of(source, by, selection or Selection(), progress)
     except ConfigError as error:
         # what is missing may be what the file has in another form
-        raise (ConfigError("; ".join([str(error), *source.notes])) if source.notes else error) from None
+        more = [*source.notes, *filter(None, [remedy_of(source.headings)])]
+        raise (ConfigError("; ".join([str(error), *more])) if more else error) from None
 
 
 def table_of(
@@ -197,6 +199,7 @@ def table_of(
     positions.fronts(values, by_role)
     _count_times(times, by_role, table, source.count)
     t, values, start_ns = column_values.timed(times, values, source.name, notes)
+    _judge_units(t, values, by_role, source.name)
     made, driver = role_values.derived(role_values.Values(values, notes), t, by.driver, source.name)
     lacking = role_values.missing(made.roles, driver, lambda task: NEEDS[task])
     if lacking:
@@ -215,6 +218,27 @@ def table_of(
     log.count = source.count
     columns = described(by_role, source.headings)
     return Table(log, vehicle, columns, tuple(made.notes), source.count.bad, order, judged)
+
+
+def _judge_units(t: Array, values: Mapping[str, Array], by_role: Mapping[str, Found], name: str) -> None:
+    """Raise ConfigError where a unit that is not stated is another one than was taken."""
+    has = {role: clean(values[role]) for role in ("speed", "gap", "range_rate") if role in values}
+    clock, why = by_role.get(TIME), ""
+    if (
+        clock is not None
+        and clock.unit is None
+        and clock.entry.rate is None
+        and {"gap", "range_rate"} <= has.keys()
+    ):
+        why = unstated_units.of_times(t, has["gap"], has["range_rate"])
+    if why:
+        raise ConfigError(f"{name}: {why}: state the units of time, gap and range rate, such as time [ms]")
+    if "speed" in has and by_role["speed"].unit is None:
+        why = unstated_units.of_speed(t, has["speed"], has.get("range_rate"))
+    if why:
+        raise ConfigError(
+            f"{name}: speed: no unit is stated, and {why}; state it, such as speed [mph], [km/h] or [m/s]"
+        )
 
 
 def _count_times(

@@ -49,6 +49,8 @@ _TICKS = (
     (12_500 * 10**13, 14_500 * 10**13, 11_644_473_600),
     (63_000 * 10**13, 65_000 * 10**13, 62_135_596_800),
 )
+# s; LabVIEW counts from 1904: a later time than this, which is 2030 then, and 2096 from 1970, and what lies between both
+_SINCE_1904 = 3.4e9, 2_082_844_800
 _INTEGER = re.compile(r"-?\d{1,19}")
 # a zone at the end of a date
 _ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
@@ -134,6 +136,8 @@ def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = 
         # any other number of days has no date
         zero = next((zero for least, most, zero in _DATE_NUMBERS if least < first < most), first)
         since_1970 = (first - zero) * factor
+    if unit == "s" and since_1970 >= _SINCE_1904[0]:
+        since_1970 -= _SINCE_1904[1]
     epoch = round(since_1970 * 1e9) if since_1970 >= (_EPOCH_FROM if unit != "d" else 1.0) else None
     return _since(t, first, factor, epoch, note)
 
@@ -189,6 +193,19 @@ def later(times: Times, rows: npt.NDArray[np.int64]) -> Times:
     return times._replace(t=np.round((t - t[0]) * 1e9) * 1e-9, start_ns=start, zero=zero)
 
 
+def with_rest(times: Times, rest: Array, size: int) -> Times:
+    """Times of whole seconds with the rest of each, of which `size` are a second.
+
+    Example:
+        >>> with_rest(Times(np.array([0.0, 0.0, 1.0]), None, ""), np.array([500.0, 900.0, 300.0]), 1000).t
+        array([0. , 0.4, 0.8])
+    """
+    t = times.t + rest / size
+    first = next(iter(t[np.isfinite(t)].tolist()), 0.0)
+    start = None if times.start_ns is None else times.start_ns + round(1e9 * first)
+    return times._replace(t=np.round((t - first) * 1e9) * 1e-9, start_ns=start, zero=times.zero + first)
+
+
 def _judged(t: Array, name: str) -> tuple[str, str]:
     """The unit that the numbers show, and a note where that was judged."""
     known = t[np.isfinite(t)]
@@ -220,6 +237,7 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
         >>> of_texts(["2018-08-02T15:34:47+00:00", "2018-08-02T15:34:47.250Z"], None, "time").t.tolist()
         [0.0, 0.25]
     """
+    texts = dates.with_zeros(texts)
     first = next((text.strip() for text in texts if text.strip()), "")
     note = ""
     if _INTEGER.fullmatch(first) and not _DIGITS.fullmatch(first):

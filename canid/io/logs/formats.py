@@ -24,7 +24,7 @@ class Format(NamedTuple):
 TEXT_SUFFIXES = (".asc", ".log", ".csv", ".tsv", ".trc", ".txt", ".can", ".crtd", ".trace")
 # those that tables of named columns have as well, and those that nothing but tables has
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
-TABLES_ALONE = (".parquet", ".vbo", ".mcap", ".msl", ".lvm")
+TABLES_ALONE = (".parquet", ".vbo", ".mcap", ".msl", ".lvm", ".xml", ".xml.gz")
 
 FORMATS = {
     ".blf": Format("canid.io.logs.blf.blf_reader", "read_blf", ".blf", is_text=False),

@@ -27,6 +27,10 @@ def source_of(path: str | Path, by: ColumnMap) -> Source:
         from canid.analysis.tables.sources.signals_source import read_signals_file
 
         return read_signals_file(file)
+    if kinds.suffix(file) in (".xml", ".xml.gz"):
+        from canid.analysis.tables.sources.xml_source import XmlSource
+
+        return XmlSource(file)
     if kinds.suffix(file) == ".vbo":
         from canid.analysis.tables.sources.vbo import read_vbo
 

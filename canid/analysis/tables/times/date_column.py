@@ -1,7 +1,8 @@
-"""A column of dates: that of the times, or one besides the times of day."""
+"""Columns that times have besides their own: of dates, and of what is left of a second."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from canid.analysis.tables import time_column
@@ -13,6 +14,16 @@ from canid.analysis.tables.times.dates import clock_ns, is_date
 
 # names of columns, as `Heading.name`; a date of something else has a longer one
 NAMES = ("date", "gps_date", "utc_date", "local_date", "date_utc", "datum")
+
+# names of columns with the rest of a second, and how many of it are one
+_RESTS = {
+    1_000: ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
+    1_000_000: ("us", "usec", "usecs", "micros", "microsecond", "microseconds"),
+    1_000_000_000: ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanosecond", "nanoseconds", "header_stamp_nsecs",
+                    "header_stamp_nanosec"),
+}  # fmt: skip
+# a part of a second, of a number or of a time of day
+_PART = re.compile(r"(?:^|:)\d+[.,]\d*[1-9]")
 
 
 def with_dates(source: Source, by_role: Mapping[str, Found]) -> Mapping[str, Found]:
@@ -33,12 +44,29 @@ def with_dates(source: Source, by_role: Mapping[str, Found]) -> Mapping[str, Fou
         dated = ColumnEntry.model_validate(source.headings[places[0]]) if places else None
         first = _of_first(source) if dated is None else Found(places[0], dated, None)
         return by_role if first is None else {**by_role, TIME: first}
+    if rest := _rest(source, times):
+        by_role = {**by_role, TIME: (times := times._replace(rest=rest))}
     if not places:
         return by_role
     of_day = filled(sample[times.place])
     if not of_day or any(clock_ns(cell) is None for cell in of_day):
         return by_role
     return {**by_role, TIME: times._replace(date_place=places[0])}
+
+
+def _rest(source: Source, times: Found) -> tuple[int, int] | None:
+    """The column that counts on within the whole seconds of the times, and how many are a second; None: there is none."""
+    sample = source.sample()
+    for place, text in enumerate(source.headings):
+        size = next((n for n, names in _RESTS.items() if heading(text).name in names), 0)
+        cells = sample[place] if size and place != times.place else []
+        rests, shown = [number(cell) for cell in cells], sample[times.place]
+        rises = [(shown[k] == shown[k - 1], rests[k] >= rests[k - 1]) for k in range(1, len(rests))]
+        whole = all(x == round(x) and 0 <= x < size for x in rests) and not any(map(_PART.search, shown))
+        # it grows within a second, and begins anew with the next
+        if whole and {(True, True), (False, False)} <= {*rises} and (True, False) not in rises:
+            return place, size
+    return None
 
 
 def _of_first(source: Source) -> Found | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from datetime import date
+from itertools import pairwise
 from typing import NamedTuple
 
 from canid.io.logs.asc.asc_date_words import MONTHS
@@ -33,8 +34,11 @@ _USUAL = (
         r"\1 \2 \5 \3\4",
     ),
     (re.compile(r"(\d{4})年(\d{1,2})月(\d{1,2})日"), r"\1-\2-\3"),
-    (re.compile(r"(:\d\d:\d\d):(\d{3})\b"), r"\1.\2"),
+    (re.compile(r"(:\d\d?:\d\d?):(\d{3})\b"), r"\1.\2"),
 )
+# hours, minutes, seconds, and a number that may be of milliseconds; times at which it must go back as a fraction
+_MILLISECONDS = re.compile(r"(?P<rest>.*:\d{1,2}:\d{1,2})(?P<mark>[.:,])(?P<ms>\d{1,3})")
+_MIN_BACK = 3
 # a time since a start, as pandas and Python write it
 _SINCE = re.compile(r"\+?(\d{1,5}) days?,? (.+)")
 _DAY_NS = 86_400 * NS_PER_S
@@ -98,6 +102,30 @@ def of_texts(texts: Sequence[str]) -> Dates:
             f' first, as "{texts[shown[0]].strip()}" shows' if shown else " first, as all rows together show"
         )
     return Dates(ns, says)
+
+
+def with_zeros(texts: Sequence[str]) -> Sequence[str]:
+    """Times whose milliseconds are written without leading zeros, with them: 3.20 is 3.020 where it precedes 3.100.
+
+    Example:
+        >>> with_zeros(["8:00:3:90", "8:00:3:100"])
+        ['8:00:3:090', '8:00:3:100']
+    """
+    cells = [_MILLISECONDS.fullmatch(text.strip()) for text in texts]
+    if len({len(cell["ms"]) for cell in cells if cell}) < 2:
+        return texts
+    pairs = [(a["ms"], b["ms"]) for a, b in pairwise(cells) if a and b and a["rest"] == b["rest"]]
+    back = sum(float(f".{a}") > float(f".{b}") for a, b in pairs)
+    # behind a colon no fraction stands; numbers of two digits there count pictures
+    colon = all(cell["mark"] == ":" for cell in cells if cell) and any(
+        len(cell["ms"]) == 3 for cell in cells if cell
+    )
+    if (back < max(_MIN_BACK, 0.05 * len(pairs)) and not colon) or any(int(a) > int(b) for a, b in pairs):
+        return texts
+    return [
+        f"{cell['rest']}{cell['mark']}{cell['ms']:0>3}" if cell else text
+        for cell, text in zip(cells, texts, strict=True)
+    ]
 
 
 def _in_usual_years(ns: int | None) -> bool:
