@@ -72,6 +72,26 @@ def hold(drive: Drive, period: float, rng: np.random.Generator, *, roles: tuple[
     return _changed(drive, roles, lambda x: x[rows[newest]])
 
 
+def apart(drive: Drive, periods: tuple[float, float], rng: np.random.Generator, *, held: bool) -> Drive:
+    """Gap and range rate in messages of their own.
+
+    Args:
+        drive: to be changed.
+        periods: s, of gap and range rate.
+        rng: of the phases; equal periods have half of one between them.
+        held: whether each value is written again until the next one comes; else the other rows are empty.
+    """
+    begin = rng.uniform(0.0, periods[0])
+    columns, rows = dict(drive.columns), np.arange(len(drive.t))
+    for role, period in zip(RADAR, periods, strict=True):
+        numbers = np.floor((drive.t - begin) / period + 1e-6)
+        new = np.diff(numbers, prepend=numbers[0] - 1) > 0
+        x = columns[role]
+        columns[role] = x[np.maximum.accumulate(new * rows)] if held else np.where(new, x, np.nan)
+        begin += 0.5 * periods[0]
+    return drive._replace(columns=columns)
+
+
 def line(drive: Drive, period: float, rng: np.random.Generator, *, roles: tuple[str, ...]) -> Drive:
     """Sampled every `period` s and joined by lines, as a program interpolates onto one column of times."""
     rows, _ = _slow(drive.t, period, rng)

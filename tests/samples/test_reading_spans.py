@@ -195,3 +195,21 @@ def test_what_a_program_holds_is_on_a_clock(hz: float, message_hz: float, seed: 
     """At periods that are no multiple of the readings' as well; of a pedal in steps of its sensor."""
     shown = spans(*readings(seed, hz, "hold", message_hz, 0.4))
     assert sum(span.clock for span in shown) >= 0.6 * len(shown)
+
+
+@pytest.mark.parametrize("adds_up", [True, False])
+@pytest.mark.parametrize(("varies", "clocked"), [(0.0, True), (0.12, False)])
+@pytest.mark.parametrize("hz", [10.0, 50.0])
+@mostly(0.9)
+def test_how_even_intervals_are_says_not_whose(
+    hz: float, varies: float, clocked: bool, adds_up: bool, seed: int
+) -> None:
+    """A person's intervals, whose variations add up, and those of a program about a clock are judged alike."""
+    rng = np.random.default_rng(seed)
+    usual = rng.uniform(0.4, 0.8)
+    off = varies * rng.standard_normal(int(SECONDS / usual))
+    at = np.sort(usual * (np.arange(len(off)) + (np.cumsum(off) if adds_up else off)))
+    t = np.arange(0.0, SECONDS, 1.0 / hz)
+    shown = spans(t, np.cumsum(rng.normal(0.0, 3.0, len(at) + 1))[np.searchsorted(at, t)])
+    share = np.mean([span.clock for span in shown])
+    assert share >= 0.8 if clocked else share <= 0.25, share

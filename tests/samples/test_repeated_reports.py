@@ -7,6 +7,7 @@ import pytest
 
 from canid.signals.samples import repeated_reports, report_noise, smoothing
 from canid.signals.samples.report_noise import Noise
+from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
 from canid.values.types import Array
 from tests import seeds
 from tests.samples.test_smoothing import NOISE, drive
@@ -95,3 +96,73 @@ def test_noise_that_lasts_for_more_than_a_report_is_smoothed_as_such(
     once = missed(t[::2], rate[::2], gap[::2], seen[::2])
     print(f"{again:.4f} m/s instead of {once:.4f} m/s")
     assert again < 1.35 * once, (again, once)
+
+
+def at_own_times(t: Array, x: Array, hz: float, begin: float) -> Array:
+    """A value at the rows at which it is new, NaN at the others."""
+    numbers = np.floor((t - begin) * hz + 1e-6)
+    return np.where(np.diff(numbers, prepend=numbers[0] - 1) > 0, x, np.nan)
+
+
+@pytest.mark.parametrize("hz", [(10.0, 10.0), (10.0, 14.0), (16.0, 9.0)])
+@seeds.mostly(0.95)
+def test_gap_and_range_rate_at_times_of_their_own(hz: tuple[float, float], seed: int) -> None:
+    """The noise of each is found to 15 %, and the range rate is missed by a fifth more than in one report at most."""
+    rng = np.random.default_rng(seed)
+    t, gap, rate, _, _ = drive(rng, 300.0, 50.0)
+    factor = rng.uniform(1.0, 4.0)
+    sd = 0.1 * factor, 0.05 * factor
+    seen = gap + sd[0] * rng.standard_normal(t.size), rate + sd[1] * rng.standard_normal(t.size)
+    begin = rng.uniform(0.0, 0.1)
+    own = [
+        at_own_times(t, x, each, begin + 0.05 * k) for k, (x, each) in enumerate(zip(seen, hz, strict=True))
+    ]
+    state, out = smoothing.State(), []
+    for now, *report in zip(t.tolist(), *(x.tolist() for x in own), strict=True):
+        state, ready, _ = smoothing.step(state, now, *report, Noise(), own_speed=SPEED)
+        out += ready
+    found = report_noise.noise(state.shown, Noise())
+    assert found == pytest.approx(sd, rel=0.15), (found, sd)
+    error = np.array([point.range_rate - np.interp(point.t, t, rate) for point in out])
+    rows = np.searchsorted(t, np.arange(0.0, t[-1], 1.0 / hz[1]) - 1e-9)
+    once = missed(t[rows], rate[rows], *(x[rows] for x in seen))
+    assert float(np.std(error[len(error) // 3 :])) < 1.2 * once, once
+
+
+def separated(t: Array, value: Array) -> Array:
+    """Which readings of a gap are left."""
+    readings = RoleReadings("gap", np.arange(t.size), value)
+    _, left = repeated_reports.separate({}, Decoded((readings,), (), (), ()), t)
+    kept = np.zeros(t.size, bool)
+    kept[left.roles[0].row] = True
+    return kept
+
+
+@pytest.mark.parametrize(("hz", "rows"), [(10.0, 20.0), (14.0, 50.0), (10.0, 100.0), (13.0, 20.0)])
+@seeds.mostly(0.95)
+def test_a_value_that_is_sent_again_by_itself_is_no_measurement(hz: float, rows: float, seed: int) -> None:
+    """After a quarter minute all that is left is new, or has stood for long; whatever differs is left."""
+    rng = np.random.default_rng(seed)
+    t, gap, _, _, _ = drive(rng, 120.0, rows)
+    step = rng.choice([0.001, 0.05, 0.1])
+    seen = np.rint((gap + 0.1 * rng.uniform(1.0, 3.0) * rng.standard_normal(t.size)) / step) * step
+    new = np.isfinite(at_own_times(t, seen, hz, rng.uniform(0.0, 1.0 / hz)))
+    held = seen[np.maximum.accumulate(new * np.arange(t.size))]
+    kept = separated(t, held)
+    # a new value that happens to be the old one is none
+    differs = np.diff(held, prepend=np.nan) != 0.0
+    stands = t - t[np.maximum.accumulate(differs * np.arange(t.size))]
+    assert not (kept & ~differs & (t > 15.0) & (stands < repeated_reports.MAX_REPEAT_S - 1e-6)).any()
+    assert kept[differs].all()
+
+
+@pytest.mark.parametrize("step", [0.05, 0.1, 0.5])
+@pytest.mark.parametrize("hz", [10.0, 20.0, 50.0])
+@seeds.mostly(0.95)
+def test_coarse_values_that_stay_by_chance_are_new(hz: float, step: float, seed: int) -> None:
+    """With noise of a tenth of a step to three steps, or none at all: a hundredth at most is left out."""
+    rng = np.random.default_rng(seed)
+    t, gap, _, _, _ = drive(rng, 120.0, hz)
+    noise = rng.choice([0.0, 0.1, 0.3, 1.0, 3.0])
+    seen = np.rint(gap / step + noise * rng.standard_normal(t.size)) * step
+    assert separated(t, seen).mean() >= 0.99, noise

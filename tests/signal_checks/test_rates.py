@@ -218,6 +218,8 @@ def test_a_pedal_that_its_driver_holds_is_not_slow(by_clock: bool, seed: int) ->
     assert set(found) & OWN == ({"output_slow"} if by_clock else {"output_held"})
     one = found["output_slow" if by_clock else "output_held"]
     assert (one.withholds, one.withholds_delays) == (by_clock, not by_clock)
+    assert "even to some 5 %" in (one.remedy if by_clock else one.says)
+    assert "driver" in (one.remedy if by_clock else one.says)
 
 
 @pytest.mark.parametrize(("lost", "named"), [(0.05, False), (0.25, True), (0.4, True)])

@@ -12,7 +12,7 @@ from scipy.stats import binom
 from tests import seeds
 from tests.plants.outside_drives import SIMULATORS, drawn_drive
 from tests.plants.quoted_intervals import Tried, identified, quoted, trace, tried, tried_lane
-from tests.plants.sensor_effects import EFFECTS, OUTPUT, Effect, drop, hold, limit, line, wrap
+from tests.plants.sensor_effects import EFFECTS, OUTPUT, Effect, apart, drop, hold, limit, line, wrap
 
 # drawn combinations of a run: some 3 s each, of which a slow test may take half a minute
 COMBINATIONS = 10
@@ -42,6 +42,27 @@ def test_drawn_combinations_never_make_a_wrong_number_quotable(
     assert max(counted.values(), default=0) < TOO_MANY
     # of a lane keeper on a straight road K is not always known
     assert sum(bool(one.before) for one in found) >= (COMBINATIONS if one_tried is tried else 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("periods", [(0.1, 0.1), (0.1, 1.0 / 14.0)])
+@seeds.mostly(0.85)
+def test_gap_and_range_rate_in_messages_of_their_own(
+    periods: tuple[float, float], held: bool, seed: int
+) -> None:
+    """Nothing is found, and no delay of a noisy radar is wrong: of 0.1 s in a file of 20 Hz or 50 Hz.
+
+    Held, tau held on 1 of 17 drives and the range rate was late; up to four delays of 95 %.
+    """
+    rng = np.random.default_rng(seed)
+    drive = drawn_drive("Helly", seed, dt=float(rng.choice([0.02, 0.05])), noise=3.0)
+    result = identified(apart(drive, periods, rng, held=held))
+    assert result is not None
+    assert not result.findings, result.findings
+    delays = [each for each in quoted(result, drive.truth) if each.parameter != "K"]
+    print(*delays, sep="\n")
+    assert all(each.covers for each in delays)
 
 
 @pytest.mark.slow

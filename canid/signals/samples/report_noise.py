@@ -10,6 +10,7 @@ filter's innovations are white (Mehra 1970), by stochastic approximation.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from canid.values.state_constraints import FINITE, NOT_NEGATIVE, POSITIVE
@@ -35,13 +36,14 @@ LEAST = Noise(0.02, 0.005)
 LEAST_CHANGE = 1e-6
 # squared differences beyond so many variances count as so many: another target is no noise
 MAX_SQUARE = 9.0
-# of the spacing of the reports that a difference joins, at most, and s
-MAX_UNEVEN, MAX_SPACING_S = 1.5, 0.3
+# of the spacing of the reports that a difference joins, at most, and s. One that is lost leaves twice the spacing; of
+# stamps that are closer still one is wrong
+MAX_UNEVEN, MAX_SPACING_S = 2.5, 0.3
 # s between range rates whose noises have nothing in common: reports that a message repeats, and the rounding of a
 # coarse one, last for less. Times the noise from one report to the next, from which on noise is not white
 APART_S, WHITE_RATIO = 0.1, 1.3
-# variance of a difference of white noise: binomial coefficients (2m over m)
-THIRD, SECOND = 20.0, 6.0
+# of that, from which on reports are so far apart: 14 Hz and slower are by themselves
+LEAST_APART = 0.7
 
 # (m/s³)²·s; where the jerk's density starts, and where it ends: a motorway at night, and emergency braking all the time
 JERK_DENSITY, CALMEST, LIVELIEST = 1.0, 0.03, 6.0
@@ -64,8 +66,9 @@ class State(NamedTuple):
     step: Annotated[float, NOT_NEGATIVE] = math.inf  # m, smallest change of the gap so far
     changes: Annotated[float, FINITE] = 1.0  # of the gap, per report
     reported: float = NAN  # m, the last gap, without the own way
-    # the last reports, newest first: time, gap, range rate, innovation
-    recent: tuple[tuple[float, float, float, float], ...] = ()
+    # the last reports with a gap and with a range rate, newest first: a radar may send them at different times
+    gap_reports: tuple[tuple[float, float], ...] = ()  # s and m
+    rate_reports: tuple[tuple[float, float, float], ...] = ()  # s, m/s, innovation
 
     @property
     def white(self) -> bool:
@@ -112,7 +115,7 @@ def for_filter(state: State, stated: Noise) -> Noise:
 
 def another_target(state: State) -> State:
     """Keep what is known of the radar; its next reports are of something else."""
-    return state._replace(recent=(), last=0.0, reported=NAN)
+    return state._replace(gap_reports=(), rate_reports=(), last=0.0, reported=NAN)
 
 
 def step(
@@ -136,31 +139,42 @@ def step(
     >>> [round(x, 1) for x in (noise(state, Noise()).gap, 10.0 * noise(state, Noise()).range_rate)]
     [0.5, 0.3]
     """
-    apart = max(round(APART_S / dt), 1) if dt > 0.0 else 1
     now = min(max(innovation, -MAX_SD), MAX_SD)
-    recent = ((t, gap, rate, now), *state.recent[: max(2 * apart, 3)])
-    apart_square = _apart(state, recent, apart)
-    gap_square, gaps, rate_square, rates = state.gap_square, state.gaps, state.rate_square, state.rates
-    step, changes = state.step, state.changes
-    if len(recent) > 3:
-        (t0, g0, r0, _), (t1, g1, r1, _), (t2, g2, r2, _), (t3, g3, *_) = recent[:4]
-        a, b, c = t0 - t1, t1 - t2, t2 - t3
-        if max(a, b, c) < MAX_UNEVEN * min(a, b, c) and a < MAX_SPACING_S:
-            third, second = g0 - 3.0 * (g1 - g2) - g3, r0 - 2.0 * r1 + r2
-            # comparisons with NaN are false: what was not reported changes nothing
-            if third == third:
-                gaps = min(gaps + 1.0, MEMORY)
-                gap_square += (min(third * third / THIRD, MAX_SQUARE * gap_square) - gap_square) / gaps
-            if second == second:
-                rates = min(rates + 1.0, MEMORY)
-                rate_square += (min(second * second / SECOND, MAX_SQUARE * rate_square) - rate_square) / rates
+    gap_square, gaps, gap_reports = state.gap_square, state.gaps, state.gap_reports
+    rate_square, rates, rate_reports = state.rate_square, state.rates, state.rate_reports
+    step, changes, apart_square = state.step, state.changes, state.apart_square
+    # comparisons with NaN are false: what was not reported changes nothing
+    if gap == gap:
+        gap_reports = ((t, gap), *gap_reports[:3])
+        if (square := third_difference(gap_reports)) == square:
+            gaps = min(gaps + 1.0, MEMORY)
+            gap_square += (min(square, MAX_SQUARE * gap_square) - gap_square) / gaps
+    before, since = state.last, dt
+    if rate == rate:
+        first, second = _apart(t, rate_reports)
+        rate_reports = ((t, rate, now), *rate_reports[: second or None])
+        if (square := second_difference(rate_reports[:3])) == square:
+            rates = min(rates + 1.0, MEMORY)
+            rate_square += (min(square, MAX_SQUARE * rate_square) - rate_square) / rates
+        if second == 2:
+            apart_square = rate_square
+        elif (
+            second and (square := second_difference([rate_reports[k] for k in (0, first, second)])) == square
+        ):
+            known = max(apart_square, state.rate_square)
+            apart_square = known + (min(square, MAX_SQUARE * known) - known) / state.rates
+        if len(rate_reports) > 1:
+            since = t - rate_reports[1][0]
+            before = rate_reports[1 if state.white or not first else first][2]
+    elif rate_reports:
+        # a gap's innovation says little of the motion
+        since = 0.0
     moved = abs(reported - state.reported)
     if moved > LEAST_CHANGE:
         step = min(step, moved)
     if moved == moved:
         changes += ((moved > LEAST_CHANGE) - changes) / gaps
-    before = state.last if state.white or len(recent) <= apart else recent[apart][3]
-    jerk = state.jerk * (1.0 + min(dt / ADAPTATION_S, 0.05) * now * before)
+    jerk = state.jerk * (1.0 + min(since / ADAPTATION_S, 0.05) * now * before)
     return State(
         max(gap_square, LEAST.gap**2),
         max(rate_square, LEAST.range_rate**2),
@@ -172,18 +186,61 @@ def step(
         step,
         changes,
         reported if reported == reported else state.reported,
-        recent,
+        gap_reports,
+        rate_reports,
     )
 
 
-def _apart(state: State, recent: tuple[tuple[float, float, float, float], ...], apart: int) -> float:
-    """Take second differences of range rates `apart` reports apart; those of neighbours say the same where that is 1."""
-    if apart < 2 or len(recent) <= 2 * apart:
-        return state.apart_square
-    (t0, _, r0, _), (t1, _, r1, _), (t2, _, r2, _) = recent[0], recent[apart], recent[2 * apart]
+def third_difference(reports: Sequence[tuple[float, float]]) -> float:
+    """Variance of white noise that four reports show: what no parabola through them explains; NaN: they do not.
+
+    >>> third_difference([(3.0, 9.0), (1.5, 2.25), (1.0, 1.0), (0.0, 0.0)])
+    nan
+    >>> third_difference([(0.3, 0.0), (0.2, 1.0), (0.1, 0.0), (0.0, 0.0)])
+    0.45
+    """
+    if len(reports) < 4:
+        return NAN
+    (t0, g0), (t1, g1), (t2, g2), (t3, g3) = reports
+    a, b, c = t0 - t1, t1 - t2, t2 - t3
+    if not (max(a, b, c) < MAX_UNEVEN * min(a, b, c) and a < MAX_SPACING_S):
+        return NAN
+    # of a divided difference, in units of the spacing in the middle
+    a, c = a / b, c / b
+    w0, w1 = 1.0 / (a * (a + 1.0) * (a + 1.0 + c)), -1.0 / (a * (1.0 + c))
+    w2, w3 = 1.0 / ((a + 1.0) * c), -1.0 / ((a + 1.0 + c) * (1.0 + c) * c)
+    left = w0 * (g0 - g1) + (w0 + w1) * (g1 - g2) - w3 * (g2 - g3)
+    return left * left / (w0 * w0 + w1 * w1 + w2 * w2 + w3 * w3)
+
+
+def second_difference(reports: Sequence[tuple[float, float, float]]) -> float:
+    """The same of three reports and the line through them.
+
+    >>> second_difference([(0.2, 0.0, 0.0), (0.1, 1.0, 0.0), (0.0, 0.0, 0.0)])
+    0.6666666666666666
+    """
+    if len(reports) < 3:
+        return NAN
+    (t0, r0, _), (t1, r1, _), (t2, r2, _) = reports
     a, b = t0 - t1, t1 - t2
-    second = r0 - 2.0 * r1 + r2
-    if not (max(a, b) < MAX_UNEVEN * min(a, b) and a < MAX_SPACING_S and second == second):
-        return state.apart_square
-    known = max(state.apart_square, state.rate_square)
-    return known + (min(second * second / SECOND, MAX_SQUARE * known) - known) / state.rates
+    if not (max(a, b) < MAX_UNEVEN * min(a, b) and a < MAX_SPACING_S):
+        return NAN
+    share = a / (a + b)
+    left = (1.0 - share) * (r0 - r1) - share * (r1 - r2)
+    return left * left / (1.0 + (1.0 - share) ** 2 + share * share)
+
+
+def _apart(t: float, reports: Sequence[tuple[float, float, float]]) -> tuple[int, int]:
+    """Places that range rates `APART_S` and twice that before t have behind the one of t; 0: there is none.
+
+    >>> [_apart(0.2, [(0.2 - (k + 1) / hz, 0.0, 0.0) for k in range(20)]) for hz in (10.0, 14.0, 20.0, 50.0)]
+    [(1, 2), (1, 2), (2, 4), (4, 8)]
+    """
+    places, since = [0, 0], t
+    first = 0
+    for k, (at, *_) in enumerate(reports, 1):
+        if since - at > LEAST_APART * APART_S:
+            places[first], first, since = k, first + 1, at
+            if first == 2:
+                break
+    return places[0], places[1]

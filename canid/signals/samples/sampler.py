@@ -18,6 +18,7 @@ from canid.signals.samples import (
     no_target,
     own_speed,
     reading_spans,
+    repeated_reports,
     sampling_grid,
     session_clock,
     stamps,
@@ -60,6 +61,7 @@ class State(NamedTuple):
     no_target: no_target.State = no_target.State()
     no_lane: no_lane.State = no_lane.State()
     limits: limited_values.State = limited_values.init()
+    repeats: Mapping[str, repeated_reports.Readings] = {}
 
 
 class Samples(NamedTuple):
@@ -192,12 +194,13 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         decoding = add_counts(decoding, empty)
     limits, within = limited_values.step(state.limits, decoded, frames.t)
     decoded, known, marks = within.decoded, within.limits, within.marks
-    following, passed = state.lead, decoded.roles
+    following, passed, repeats = state.lead, decoded.roles, state.repeats
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
     if settings.lead is not None:
+        repeats, fresh = repeated_reports.separate(repeats, decoded, frames.t)
         following, followed = lead_readings.step(
-            following, decoded, frames, settings.lead, sampling_grid.pauses(state.grid, timed.latest)
+            following, fresh, frames, settings.lead, sampling_grid.pauses(state.grid, timed.latest)
         )
         passed, made = followed.passed, followed.made
         events += followed.events
@@ -213,9 +216,10 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         stamped += [(at, OutOfRange(role, t, number)) for at, t, number in beyond]
     readings = _by_role((*passed, *marks), made, frames, first)
     watched = state.spans
+    came = _by_role(tuple(each for each in decoded.roles if each.role in REPORTED), {}, frames, first)
     for source, role in _sources(settings.driver):
         if source in readings:
-            t, value, frame = readings[source]
+            t, value, frame = came.get(role, readings[source])
             watched, over = reading_spans.step(watched, role, t, value, frame - first)
             stamped += over
     if "own_speed" in settings.roles and "speed" in readings:
@@ -247,7 +251,9 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         events = [(rows[row], event) for row, event in events]
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
-    after = State(clock, decoding, following, grid, gate, instants, intervals, watched, targets, lane, limits)
+    after = State(
+        clock, decoding, following, grid, gate, instants, intervals, watched, targets, lane, limits, repeats
+    )
     return after, Samples(samples, events, stamped, decoded, frames.t)
 
 
