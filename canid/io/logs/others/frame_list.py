@@ -17,6 +17,7 @@ from canid.io.logs.list_columns import decoded
 from canid.io.logs.local_time import epoch_ns
 from canid.io.logs.others.list_clock import Clock
 from canid.io.logs.others.table_layout import (
+    COUNTER,
     ID,
     NO,
     NUMBER,
@@ -71,6 +72,8 @@ _WIDTHS = {
     "11": False,
     "标准": False,
 }
+# of a time that is written with an exponent: ns since 1970 are less
+_MAX_STAMP = 1e20
 # the cells of a row in the columns of a role
 InRole = Callable[[str], list[str]]
 _STARTED = re.compile(
@@ -223,12 +226,15 @@ class _Reading:
         unit = self._layout.unit_ns
         if not unit:
             return self._clock.ns(text)
-        if text[:2].lower() == "0x":
+        if COUNTER.fullmatch(text):
             return int(text, 16) * unit
         if not NUMBER.fullmatch(text):
             raise Bad("its time is damaged")
         if "e" in text.lower():
-            ns = timestamps.from_float(float(text.replace(",", "."))) * unit // timestamps.NS_PER_S
+            stamp = float(text.replace(",", "."))
+            if abs(stamp) > _MAX_STAMP:
+                raise Bad("its time is damaged")
+            ns = timestamps.from_float(stamp) * unit // timestamps.NS_PER_S
         else:
             ns = timestamps.from_text(text.removeprefix("+")) * unit // timestamps.NS_PER_S
         self._stamped |= ns >= timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S
