@@ -72,6 +72,7 @@ _WIDTHS = {
     "11": False,
     "标准": False,
 }
+_MAX_MARKS = 4096
 # of a time that is written with an exponent: ns since 1970 are less
 _MAX_STAMP = 1e20
 # the cells of a row in the columns of a role
@@ -115,6 +116,13 @@ class _Reading:
         self._clock = layout.logger or Clock(state.zone)
         self._below = False  # the header has come
         self._first_bus = 0  # what the number of bus 0 is
+        # the columns that say of what kind a frame is, and what the cells in them say
+        self._marked = [
+            k
+            for role in ("extended", "way", "type", *(name for _, name in _ROLES))
+            for k in layout.columns.get(role, ())
+        ]
+        self._known: dict[tuple[str, ...], tuple[int, bool | None]] = {}
         starts = [at for line in begin if (at := _started(line, state.zone)) is not None]
         self._start_ns = starts[0] if starts else 0  # that times count from
         self._stamped = bool(starts)
@@ -156,7 +164,12 @@ class _Reading:
         (word, *_) = cells_in("id")
         if program.named and not word:
             return "lines of other networks"
-        flags, wide = self._marks(cells_in)
+        cells_of_marks = tuple([cells[k] if k < len(cells) else "" for k in self._marked])
+        if cells_of_marks not in self._known and len(self._known) > _MAX_MARKS:
+            self._known.clear()
+        flags, wide = self._known.get(cells_of_marks) or self._known.setdefault(
+            cells_of_marks, self._marks(cells_in)
+        )
         if flags < 0:
             return "lines of other networks"
         match = ID.fullmatch(word)
