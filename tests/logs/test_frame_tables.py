@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 
 from canid.io.logs import open_log
-from canid.values.errors import ConfigError
+from canid.values.errors import ConfigError, LogError
 from canid.values.types import Flag
 
 
@@ -326,3 +326,47 @@ def test_a_list_that_may_be_read_in_two_ways_is_refused_with_what_was_found(
         open_log(path)
     assert says in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_damaged_list_is_damage_or_refused(
+    dialect: Callable[[random.Random], tuple[str, list[Sent]]], tmp_path: Path, seed: int
+) -> None:
+    """Bytes, cells and lines that are others, missing or twice there: never an exception of another kind."""
+    rng = random.Random(seed)
+    text, _ = dialect(rng)
+    lines = text.splitlines()[:120]
+    wild = (
+        "",
+        "0x",
+        "-",
+        '"',
+        "1e999",
+        "nan",
+        "99999999999999999999",
+        "0xZZ",
+        "\r",
+        "\0",
+        "é",
+        "²",
+        "2024-13-45 99:99:99",
+    )
+    path = tmp_path / "x.csv"
+    for _ in range(60):
+        rows = lines.copy()
+        for _ in range(rng.randrange(1, 6)):
+            k = rng.randrange(len(rows)) if rng.random() < 0.6 else rng.randrange(min(12, len(rows)))
+            mark = next((each for each in ";,|\t" if each in rows[k]), " ")
+            cells = rows[k].split(mark)
+            cells[rng.randrange(len(cells))] = rng.choice((*wild, rng.choice(cells)))
+            rows[k] = rng.choice(
+                (mark.join(cells), rows[k][: rng.randrange(len(rows[k]) + 1)], mark.join(cells[1:]))
+            )
+        path.write_bytes("\n".join(rows).encode(rng.choice(("utf-8", "gbk", "utf-16")), errors="replace"))
+        try:
+            log = open_log(path, time_zone="UTC")
+            read = list(log)
+        except (ConfigError, LogError) as error:
+            assert "\n" not in str(error)  # noqa: PT017
+            continue
+        assert all(0 <= frame.id <= 0x1FFFFFFF and len(frame.data) <= 64 for frame in read)

@@ -174,7 +174,8 @@ class Log:
         state = self._state = self._new_state(unjudged)
         copies = Copies()
         # of a log without a date all frames are needed, to see where its times begin again
-        restarts = Restarts(state) if self.format.is_text and self.start_ns is None else None
+        undated = self.format.is_text and self.entries == "frames" and self.start_ns is None
+        restarts = Restarts(state) if undated else None
         try:
             for chunk in self._read(self.path, state, wanted if restarts is None else None):
                 kept = copies.step(chunk)

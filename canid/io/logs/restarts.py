@@ -20,6 +20,8 @@ from canid.values.types import Columns
 _MIN_BACK_S = 1.0
 # frames behind a step that show what it is, and the share of them whose id has been later before
 _FRAMES, _SHARE = 50, 0.5
+# ids that are remembered; a log of more is none of a vehicle, and is left as it is
+_MAX_IDS = 1 << 16
 
 
 class Restarts:
@@ -42,16 +44,19 @@ class Restarts:
         self._before = -np.inf  # s, of the latest frame, as the log has it
         self._offset = 0.0  # s, added to the times of this recording
         self._end = -np.inf  # s, of all recordings so far, set behind one another
-        self._latest: dict[int, float] = {}  # of each id of this recording, as the log has it
+        self._ids = np.zeros(0, np.int64)  # of this recording, in order, see `_keys`
+        self._latest = np.zeros(0)  # s, of each of them, as the log has it
         self._waiting: Columns | None = None
 
     def step(self, chunk: Columns, last: bool = False) -> list[Columns]:
         """The frames of a chunk, and those that waited, in parts; some may wait for the next chunk."""
         if self._waiting is not None:
             chunk, self._waiting = join([self._waiting, chunk]), None
-        backs = np.flatnonzero(np.diff(chunk.t, prepend=self._before) < -_MIN_BACK_S).tolist()
+        backs = np.flatnonzero(np.diff(chunk.t, prepend=self._before) < -_MIN_BACK_S)
+        # behind a further recording's begin no time steps back at once
+        lasting = np.diff(backs, append=len(chunk.t) + _FRAMES) >= _FRAMES
         parts, begin = [], 0
-        for at in backs:
+        for at in backs[lasting].tolist() if len(self._ids) < _MAX_IDS else []:
             if len(chunk.t) - at < _FRAMES and not last:
                 self._waiting = rows(chunk, at, len(chunk.t))
                 chunk = rows(chunk, 0, at)
@@ -69,14 +74,16 @@ class Restarts:
 
     def _judge(self, behind: Columns) -> None:
         """Whether the frames behind a step back are of a further recording."""
-        known = np.array([self._latest.get(key, -np.inf) for key in _keys(behind).tolist()])
-        newest, first = max(self._latest.values(), default=-np.inf), float(behind.t[0])
+        keys = _keys(behind)
+        at = np.minimum(self._ids.searchsorted(keys), len(self._ids) - 1)
+        known = np.where(self._ids[at] == keys, self._latest[at], -np.inf)
+        newest, first = float(self._latest.max()), float(behind.t[0])
         if (known > behind.t + _MIN_BACK_S).mean() < _SHARE:
             return
         if clock_wraps.wrap_of(newest - first, MAX_REORDERING_S) is not None:
             return
         self._offset = self._end + CUT_S - float(behind.t.min())
-        self._latest = {}
+        self._ids, self._latest = self._ids[:0], self._latest[:0]
         self._state.remark(
             f"a further recording begins at frame {self._row + 1:,}: its times go from {newest:.6g} s back to {first:.6g} "
             f"s, and the log states no date: it is set {CUT_S:g} s behind the one before"
@@ -88,11 +95,11 @@ class Restarts:
             return part
         self._row += len(part.t)
         self._before = float(part.t[-1])
-        keys, which = np.unique(_keys(part), return_inverse=True)
-        latest = np.full(len(keys), -np.inf)
-        np.maximum.at(latest, which, part.t)
-        for key, t in zip(keys.tolist(), latest.tolist(), strict=True):
-            self._latest[key] = max(t, self._latest.get(key, -np.inf))
+        if len(self._ids) < _MAX_IDS:
+            self._ids, which = np.unique(np.concatenate([self._ids, _keys(part)]), return_inverse=True)
+            latest = np.full(len(self._ids), -np.inf)
+            np.maximum.at(latest, which, np.concatenate([self._latest, part.t]))
+            self._latest = latest
         if self._offset:
             part = part._replace(t=rounded(part.t + self._offset, abs(self._offset)))
         self._end = max(self._end, float(part.t.max()))

@@ -17,6 +17,7 @@ from canid.io.logs.list_columns import decoded
 from canid.io.logs.local_time import epoch_ns
 from canid.io.logs.others.list_clock import Clock
 from canid.io.logs.others.table_layout import (
+    COUNTER,
     ID,
     NO,
     NUMBER,
@@ -71,6 +72,9 @@ _WIDTHS = {
     "11": False,
     "标准": False,
 }
+_MAX_MARKS = 4096
+# of a time that is written with an exponent: ns since 1970 are less
+_MAX_STAMP = 1e20
 # the cells of a row in the columns of a role
 InRole = Callable[[str], list[str]]
 _STARTED = re.compile(
@@ -112,6 +116,13 @@ class _Reading:
         self._clock = layout.logger or Clock(state.zone)
         self._below = False  # the header has come
         self._first_bus = 0  # what the number of bus 0 is
+        # the columns that say of what kind a frame is, and what the cells in them say
+        self._marked = [
+            k
+            for role in ("extended", "way", "type", *(name for _, name in _ROLES))
+            for k in layout.columns.get(role, ())
+        ]
+        self._known: dict[tuple[str, ...], tuple[int, bool | None]] = {}
         starts = [at for line in begin if (at := _started(line, state.zone)) is not None]
         self._start_ns = starts[0] if starts else 0  # that times count from
         self._stamped = bool(starts)
@@ -153,7 +164,12 @@ class _Reading:
         (word, *_) = cells_in("id")
         if program.named and not word:
             return "lines of other networks"
-        flags, wide = self._marks(cells_in)
+        cells_of_marks = tuple([cells[k] if k < len(cells) else "" for k in self._marked])
+        if cells_of_marks not in self._known and len(self._known) > _MAX_MARKS:
+            self._known.clear()
+        flags, wide = self._known.get(cells_of_marks) or self._known.setdefault(
+            cells_of_marks, self._marks(cells_in)
+        )
         if flags < 0:
             return "lines of other networks"
         match = ID.fullmatch(word)
@@ -223,12 +239,15 @@ class _Reading:
         unit = self._layout.unit_ns
         if not unit:
             return self._clock.ns(text)
-        if text[:2].lower() == "0x":
+        if COUNTER.fullmatch(text):
             return int(text, 16) * unit
         if not NUMBER.fullmatch(text):
             raise Bad("its time is damaged")
         if "e" in text.lower():
-            ns = timestamps.from_float(float(text.replace(",", "."))) * unit // timestamps.NS_PER_S
+            stamp = float(text.replace(",", "."))
+            if abs(stamp) > _MAX_STAMP:
+                raise Bad("its time is damaged")
+            ns = timestamps.from_float(stamp) * unit // timestamps.NS_PER_S
         else:
             ns = timestamps.from_text(text.removeprefix("+")) * unit // timestamps.NS_PER_S
         self._stamped |= ns >= timestamps.EPOCH_FLOOR_S * timestamps.NS_PER_S

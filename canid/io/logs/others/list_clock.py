@@ -96,7 +96,10 @@ class LoggerClock(Clock):
         if len(at) > 1:
             self._start = (int(at[:4]), int(at[4:6]), int(at[6:8]))
             clock = (int(at[9:11]), int(at[11:13]), int(at[13:15]))
-            self._latest = _epoch(*self._start, clock, zone)
+            try:
+                self._latest = _epoch(*self._start, clock, zone)
+            except Bad:
+                self._start = (_NO_CLOCK, 1, 1)
         self.dated = self._start[0] > _NO_CLOCK
         self.refused = "" if self._form in _DIGITS else "its times are ms within a second"
 

@@ -6,6 +6,7 @@ states, else those that the rows prove; a list that may be read in two ways is r
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import datetime
 import re
@@ -21,6 +22,7 @@ from canid.values.errors import ConfigError
 from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.timestamps import EPOCH_FLOOR_S
 
+COUNTER = re.compile(r"0x[0-9a-f]{1,16}", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?\d{1,20}([.,]\d{1,20})?(e[+-]?\d{1,3})?", re.IGNORECASE)
 ID = re.compile(r"(0x)?([0-9a-f]{1,9})([hx]?)", re.IGNORECASE)
 NO, YES = (
@@ -78,7 +80,10 @@ def cells_of_row(text: str, delimiter: str) -> list[str]:
     >>> cells_of_row('1;"01;02" ;="12:04:59"', ";")
     ['1', '01;02', '12:04:59']
     """
-    cells = next(csv.reader([text], delimiter=delimiter), []) if '"' in text else text.split(delimiter)
+    cells = text.split(delimiter)
+    if '"' in text:
+        with contextlib.suppress(csv.Error):
+            cells = next(csv.reader([text], delimiter=delimiter), [])
     return [cell.strip(' "=') for cell in cells]
 
 
@@ -239,7 +244,7 @@ def octets_of(cell: str) -> list[str]:
     >>> octets_of("x| 05 C3"), octets_of("0x05c3"), octets_of("[1 20 255]"), octets_of("0x05-0xC3"), octets_of("")
     (['05', 'C3'], ['05', 'c3'], ['1', '20', '255'], ['05', 'C3'], [])
     """
-    words = re.split(r"[\s,;._:-]+", re.sub(r"^x\|", "", cell.strip()).strip(" []()'\""))
+    words = re.split(r"[\s,;_:-]+", re.sub(r"^x\|", "", cell.strip()).strip(" []()'\""))
     words = [bare for word in words if (bare := word.removeprefix("0x").removeprefix("0X"))]
     if len(words) == 1 and len(words[0]) > 3 and len(words[0]) % 2 == 0:
         return [words[0][k : k + 2] for k in range(0, len(words[0]), 2)]
@@ -272,7 +277,7 @@ def _times(
     why = ""
     for k in candidates:
         words = cells.column(k)
-        counter = all(re.fullmatch(r"0x[0-9a-f]{1,16}", word, re.IGNORECASE) for word in words)
+        counter = all(map(COUNTER.fullmatch, words))
         if k in clocks or not (counter or all(map(NUMBER.fullmatch, words))):
             continue
         values = [float(int(w, 16)) if counter else float(w.replace(",", ".")) for w in words]
