@@ -86,10 +86,12 @@ def role_in_words(name: str) -> str | None:
     Example:
         >>> role_in_words("speed_of_the_lead_vehicle"), role_in_words("fahrzeuggeschwindigkeit")
         ('lead_speed', 'speed')
-        >>> role_in_words("speed_limit") is None
-        True
+        >>> role_in_words("speed_limit"), role_in_words("front_to_front_distance")
+        (None, None)
     """
-    meanings = _meanings(name.split("_"))
+    words = name.split("_")
+    # "front to front" is between two fronts
+    meanings = None if len({*words}) < len(words) and {"front", "rear"} & {*words} else _meanings(words)
     return None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
 
 
