@@ -90,9 +90,11 @@ def role_in_words(name: str) -> str | None:
         (None, None)
     """
     words = name.split("_")
-    # "front to front" is between two fronts
-    meanings = None if len({*words}) < len(words) and {"front", "rear"} & {*words} else _meanings(words)
-    return None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
+    # "front to front" is between two fronts, and a radar measures speeds of others
+    twice = len({*words}) < len(words) and {"front", "rear"} & {*words}
+    meanings = None if twice else _meanings(words)
+    role = None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
+    return None if role in ("speed", "accel") and {"radar", "lidar"} & {*words} else role
 
 
 def closing_in_words(name: str) -> bool:
