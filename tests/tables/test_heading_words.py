@@ -49,6 +49,8 @@ OTHER = (
     "lead acceleration", "lateral acceleration", "brake pressure", "throttle position", "pedal raw", "distance",
     "lead distance filtered", "Lenkradwinkelgeschwindigkeit", "Sollgeschwindigkeit", "time to collision",
     "relative acceleration", "speed error", "vehicle", "steering torque", "delta v", "vitesse limite",
+    "front-to-front distance [m]", "radar speed", "lidar velocity [m/s]", "radar acceleration",
+    "rear to rear distance", "distance front to front of the lead vehicle",
 )  # fmt: skip
 # by their words an acceleration and a gap; the usual names say otherwise
 AMBIGUOUS = {"acc", "spacing"}

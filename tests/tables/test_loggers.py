@@ -118,3 +118,19 @@ def test_measured_vbo_files_are_where_they_were_driven(name: str, rows: int) -> 
     assert read.columns["lat"].value[0] == pytest.approx(52.0, abs=1e-6)
     assert read.columns["lon"].value[0] == pytest.approx(1.5, abs=1e-4)
     assert open_table(path).damaged == 3000 - rows
+
+
+@pytest.mark.parametrize("gap", ["ft", "m"])
+def test_units_above_the_names(tmp_path: Path, drive: Columns, gap: str) -> None:
+    """As below them: without them a slow drive in km/h would be one in m/s."""
+    factor = {"ft": 0.3048, "m": 1.0}[gap]
+    lines = [f"s,km/h,%,{gap},m/s", "Time,Speed,Pedal,Gap,RangeRate"]
+    for t, v, pedal, distance, rate in zip(*drive, strict=True):
+        lines.append(f"{t:.1f},{v * 3.6:.6f},{pedal:.6f},{distance / factor:.6f},{rate:.6f}")
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    signals = trace_of(open_table(path), pipeline.DT).signals
+    inside = slice(25, -25)
+    t = 0.1 * np.arange(len(signals["speed"]))[inside]
+    np.testing.assert_allclose(signals["speed"][inside], np.interp(t, drive.t, drive.speed), atol=0.05)
+    np.testing.assert_allclose(signals["gap"][inside], np.interp(t, drive.t, drive.gap), atol=0.05)

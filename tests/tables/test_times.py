@@ -385,3 +385,76 @@ def test_seconds_since_a_start_of_the_clock_are_no_date_numbers(tmp_path: Path) 
     rows = drive(4, n=400)
     table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{45_000.0 + t:.3f}")
     assert not any("taken as days" in note for note in table.notes)
+
+
+# the rest of a second in a column of its own: headings, and the cells of both
+RESTS: dict[str, tuple[str, Callable[[float], str]]] = {
+    "clock and ms": ("Time,ms", lambda t: f"{at('%H:%M:%S', _MORNING)(t)},{round(1000 * t) % 1000}"),
+    "date, clock and ms": (
+        "Date,Time,Milliseconds",
+        lambda t: f"{at('%d.%m.%Y,%H:%M:%S', _MORNING)(t)},{round(1000 * t) % 1000}",
+    ),
+    "date and us": ("timestamp,usec", lambda t: f"{at('%Y-%m-%d %H:%M:%S', _MORNING)(t)},{round(1e6 * t) % 1_000_000}"),
+    "seconds and ms": ("time [s],msec", lambda t: f"{int(t + 1e-6)},{round(1000 * t) % 1000}"),
+    "of ROS": ("header.stamp.secs,header.stamp.nsecs", lambda t: f"{1785000000 + int(t + 1e-6)},{round(1e9 * t) % 10**9}"),
+    "as decimals": ("time,nanosec", lambda t: f"{1785000000 + int(t + 1e-6)}.0,{round(1e9 * t) % 10**9}"),
+}  # fmt: skip
+_MORNING = datetime(2026, 8, 5, 8, 58, 20, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("name", RESTS)
+def test_the_rest_of_a_second_in_a_column_of_its_own(tmp_path: Path, name: str, seed: int) -> None:
+    """Nine of ten rows would have the time of the row before."""
+    heading, written = RESTS[name]
+    rows = drive(seed)
+    table = opened(tmp_path / "x.csv", heading, rows, written)
+    plain = opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.1f}")
+    assert frames(table) == frames(plain)
+    assert not any("the time of the row before" in note for note in table.notes)
+
+
+def test_a_column_that_does_not_begin_anew_with_each_second_is_no_rest(tmp_path: Path, seed: int) -> None:
+    """Milliseconds since the start next to whole seconds, and others of any order."""
+    rng = np.random.default_rng(seed)
+    for written in (
+        lambda t: f"{int(t + 1e-6)},{round(1000 * t)}",
+        lambda t: f"{int(t + 1e-6)},{rng.integers(1000)}",
+    ):
+        table = opened(tmp_path / "x.csv", "time [s],ms", drive(seed), written)
+        assert any("the time of the row before" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("other", ["Elapsed Time [s]", "timestamp [ms]"])
+def test_the_times_that_go_on_are_taken(tmp_path: Path, other: str, seed: int) -> None:
+    """A clock of whole seconds that is called Time, next to a finer one."""
+    rows = drive(seed)
+    clock, factor = at("%H:%M:%S", _MORNING), 1000 if "ms" in other else 1
+    table = opened(tmp_path / "x.csv", f"Time,{other}", rows, lambda t: f"{clock(t)},{factor * t:.1f}")
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.1f}"))
+
+
+@pytest.mark.parametrize(
+    "form", ["{h}:{m}:{s}.{ms}", "{h}:{m}:{s}:{ms}", "2026-08-05 {h:02}:{m:02}:{s:02}.{ms}"]
+)
+@pytest.mark.parametrize("first", [0, 7])
+def test_milliseconds_without_leading_zeros(tmp_path: Path, form: str, first: int, seed: int) -> None:
+    """As C# and Arduino programs write them: 3.20 is 20 ms behind 3."""
+    rows = drive(seed, dt=0.02)
+
+    def written(t: float) -> str:
+        ms = round(1000 * t) + first + 32_300_000
+        return form.format(h=ms // 3_600_000, m=ms // 60_000 % 60, s=ms // 1000 % 60, ms=ms % 1000)
+
+    table = opened(tmp_path / "x.csv", "time", rows, written)
+    assert frames(table) == frames(opened(tmp_path / "y.csv", "time [s]", rows, lambda t: f"{t:.2f}"))
+    # with all of them, and as decimals of any length, they are what they were
+    for plain in ("0:00:{:.3f}", "0:00:{:.4g}"):
+        table = opened(tmp_path / "x.csv", "time", rows, plain.format)
+        assert last(table) == pytest.approx(47.98)
+
+
+def test_seconds_of_labview_have_the_date_that_they_show(tmp_path: Path, seed: int) -> None:
+    """Since 1904: 5 August 2026, and not 2092."""
+    since = 2_082_844_800 + int(datetime(2026, 8, 5, 8, tzinfo=UTC).timestamp())
+    table = opened(tmp_path / "x.csv", "time", drive(seed, 50), lambda t: f"{since + t:.1f}")
+    assert str(np.datetime64(table.log.start_ns, "ns"))[:13] == "2026-08-05T08"

@@ -73,6 +73,19 @@ def test_a_minus_of_typography_is_a_minus(tmp_path: Path, seed: int) -> None:
     assert (a == b).all()
 
 
+@pytest.mark.parametrize("form", ["({})", "{}-"])
+def test_negative_numbers_as_accounts_write_them(tmp_path: Path, seed: int, form: str) -> None:
+    """Half of the range rates would be left out, those of one sign."""
+    rows: _Drive = []
+    for t, cells in drive(seed):
+        parts = cells.split(",")
+        rows.append((t, ",".join(form.format(part[1:]) if part[0] == "-" else part for part in parts)))
+    table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{t:.1f}")
+    plain = opened(tmp_path / "y.csv", "time", drive(seed), lambda t: f"{t:.1f}")
+    a, b = (np.concatenate([c.data for c in made.log.columns()]) for made in (table, plain))
+    assert (a == b).all()
+
+
 def test_dots_of_thousands_next_to_decimal_commas(tmp_path: Path, seed: int) -> None:
     """A German export in ms: 1.000 is a thousand, also where the first 200 rows have none, and `Zeit` is the time."""
     rows = drive(seed)

@@ -86,11 +86,15 @@ def role_in_words(name: str) -> str | None:
     Example:
         >>> role_in_words("speed_of_the_lead_vehicle"), role_in_words("fahrzeuggeschwindigkeit")
         ('lead_speed', 'speed')
-        >>> role_in_words("speed_limit") is None
-        True
+        >>> role_in_words("speed_limit"), role_in_words("front_to_front_distance")
+        (None, None)
     """
-    meanings = _meanings(name.split("_"))
-    return None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
+    words = name.split("_")
+    # "front to front" is between two fronts, and a radar measures speeds of others
+    twice = len({*words}) < len(words) and {"front", "rear"} & {*words}
+    meanings = None if twice else _meanings(words)
+    role = None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
+    return None if role in ("speed", "accel") and {"radar", "lidar"} & {*words} else role
 
 
 def closing_in_words(name: str) -> bool:

@@ -185,7 +185,7 @@ def _units_taken(by_role: Mapping[str, Found]) -> list[str]:
     ['no unit is stated for speed, range_rate: taken in m/s']
     """
     out = []
-    for unit, roles in (("m/s", ("speed", "lead_speed", "range_rate")), ("m", ("gap",))):
+    for unit, roles in (("m/s", ("speed", "lead_speed", "range_rate")), ("m", ("gap",)), ("%", ("pedal",))):
         missing = [role for role in roles if role in by_role and by_role[role].unit is None]
         out += [f"{', '.join(missing)}: taken in {unit}"] if missing else []
     return [f"no unit is stated for {'; for '.join(out)}"] if out else []

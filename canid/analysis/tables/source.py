@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
@@ -39,6 +40,8 @@ NO_VALUE = (
     "void",
 )
 
+_NEGATIVE = re.compile(r"^(?:\(([\d.]+)\)|([\d.]+)-)$")
+
 
 class Block(NamedTuple):
     """Some rows of a table."""
@@ -73,10 +76,13 @@ def number(text: str) -> float:
     Example:
         >>> number(" 1.5 "), number(""), number("1.5 m") == NO_NUMBER, number("n/a"), number("\N{MINUS SIGN}1")
         (1.5, -4611686018427387904, True, nan, -1.0)
+        >>> number("(1.25)"), number("1.25-")  # as accounts write negative numbers
+        (-1.25, -1.25)
     """
     text = text.strip().replace("\N{MINUS SIGN}", "-")
     if not text:
         return EMPTY
+    text = _NEGATIVE.sub(r"-\1\2", text)
     try:
         return float(text) if "_" not in text else NO_NUMBER
     except ValueError:

@@ -199,7 +199,8 @@ def table_of(
     positions.fronts(values, by_role)
     _count_times(times, by_role, table, source.count)
     t, values, start_ns = column_values.timed(times, values, source.name, notes)
-    _judge_units(t, values, by_role, source.name)
+    if not selection.named:  # arrays are in SI by the contract of their function
+        _judge_units(t, values, by_role, source.name)
     made, driver = role_values.derived(role_values.Values(values, notes), t, by.driver, source.name)
     lacking = role_values.missing(made.roles, driver, lambda task: NEEDS[task])
     if lacking:

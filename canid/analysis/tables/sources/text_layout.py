@@ -130,8 +130,10 @@ def layout(lines: Sequence[str], encoding: str, name: str, names: Sequence[str] 
         )
     if len(header.names) > MAX_COLUMNS:
         raise LogError(f"{name}: has {len(header.names):,} columns; at most {MAX_COLUMNS:,} are read")
-    # LabVIEW writes the units some lines above the names
-    above = [split(line, delimiter) for line in lines[:k] if _OF_UNITS.match(line)][-1:]
+    # units stand above the names in some exports, LabVIEW writes them some lines above
+    over = [split(line, delimiter) for line in lines[max(k - 1, 0) : k]]
+    above = [cells for cells in over if len(cells) == len(header.names) and _units(cells) and any(cells)]
+    above += [split(line, delimiter) for line in lines[:k] if _OF_UNITS.match(line)][-1:]
     texts = [split(lines[j], delimiter) for j in header.lines]
     texts += [cells[len(cells) > len(header.names) :] for cells in above]  # without a label of its own
     return _layout(

@@ -120,7 +120,7 @@ def with_zeros(texts: Sequence[str]) -> Sequence[str]:
     colon = all(cell["mark"] == ":" for cell in cells if cell) and any(
         len(cell["ms"]) == 3 for cell in cells if cell
     )
-    if (back < max(_MIN_BACK, 0.05 * len(pairs)) and not colon) or any(int(a) > int(b) for a, b in pairs):
+    if (back < _MIN_BACK and not colon) or any(int(a) > int(b) for a, b in pairs):
         return texts
     return [
         f"{cell['rest']}{cell['mark']}{cell['ms']:0>3}" if cell else text
