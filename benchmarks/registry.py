@@ -288,6 +288,12 @@ BENCHMARKS = (
         "live K, tau, dead time and their sum under noise of the radar and sensor effects: coverage, by method and cause",
     ),
     Benchmark(
+        "delay_bound",
+        "benchmarks.measurement_effects.delay_bound",
+        "5 min",
+        "delays of whole drives that a fit with the true inputs, form and noise law could quote, and that canid quotes",
+    ),
+    Benchmark(
         "sensor_causes",
         "benchmarks.measurement_effects.causes",
         "20 min",
