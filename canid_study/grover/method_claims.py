@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.values.text.numbers import plural
 from canid.values.types import Interval
 from canid_study import verdict_tests
 from canid_study.artifact import Artifact, ClaimVerdict
@@ -49,7 +50,7 @@ def table_2(every: Sequence[Analysis]) -> Artifact:
     holds = verdict_tests.more_than(sum(inside), len(inside), POOR_SHARE)
     fails = verdict_tests.fewer_than(sum(inside), len(inside), RIGHT_SHARE)
     joint = [
-        f"K{i + 1} {min(v):.3g} to {max(v):.3g} where it may be quoted ({len(v)} episodes)"
+        f"K{i + 1} {min(v):.3g} to {max(v):.3g} where it may be quoted ({plural(len(v), 'episode')})"
         for i, name in enumerate(INPUTS)
         if (
             v := [

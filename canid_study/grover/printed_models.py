@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from canid.values.text.names import readable
+from canid.values.text.numbers import plural
 from canid.values.types import Channel, Interval
 from canid_study import verdict_tests
 from canid_study.artifact import Artifact, ClaimVerdict
@@ -45,7 +47,7 @@ def speed_factor(drives: Sequence[DriveAnalysis]) -> Artifact:
     """Eq. 2.1 multiplies the headway error by the speed, eq. 2.2 does not."""
     plain, with_speed = median([d.joint.fit_percent for d in drives]), median([d.speed_fit for d in drives])
     tests = verdict_tests.above([d.speed_fit - d.joint.fit_percent for d in drives])
-    why = verdict_tests.stated(f"signed ranks of the fits of {len(drives)} drives", *tests)
+    why = verdict_tests.stated(f"signed ranks of the fits of {plural(len(drives), 'drive')}", *tests)
     return Artifact(
         "eq. 2.1",
         "headway error times speed",
@@ -72,9 +74,9 @@ def dead_times(drives: Sequence[DriveAnalysis]) -> list[Artifact]:
                 "a dead time and no lag",
                 "",
                 f"dead time {show(first.dead_time, 's')}, lag {show(first.tau, 's')}, "
-                f"sum {show(first.tau_plus_dead_time, 's')} ({first.status.value}, first drive)",
+                f"sum {show(first.tau_plus_dead_time, 's')} ({readable(first.status.value)}, first drive)",
                 ClaimVerdict.SHOWN if quoted else ClaimVerdict.NOT_CHECKABLE,
-                f"lag and dead time may be quoted apart in {quoted} of {len(channels)} drives",
+                f"lag and dead time may be quoted apart in {quoted} of {plural(len(channels), 'drive')}",
                 ("tables/drives.csv",),
             )
         )

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from canid.ui.views.document.document_text import wrapped
 from canid.values.text.numbers import DASH
 from canid_study.artifact import Cell, Study, Table
 
@@ -64,22 +65,25 @@ def cell(value: Cell) -> str:
 
 
 def text(study: Study) -> list[str]:
-    """The study in lines: result, what was skipped, and a line per artifact.
+    """The study in lines of a terminal: result, what was skipped, and each artifact with its numbers.
 
     Example:
         >>> text(Study("Grover 2021", "Grover 2021: prints", ("Two claims fail.",), ()))
         ['Grover 2021: prints', 'Two claims fail.']
     """
-    lines = [study.title, *study.says]
-    lines += [f"skipped: {entry.log}, {entry.what}: {entry.why}" for entry in study.skipped]
-    width = max((len(a.verdict.value) for a in study.artifacts), default=0)
-    named = max((len(a.name) for a in study.artifacts), default=0)
+    lines = [line for says in (study.title, *study.says) for line in wrapped(says)]
+    for entry in study.skipped:
+        lines += wrapped(f"skipped: {entry.log}, {entry.what}: {entry.why}")
     for a in study.artifacts:
-        parts = [f"published {a.published}"] if a.published else []
-        parts += [f"recomputed {a.reproduced}"] if a.reproduced else []
-        parts += [f"canid {a.corrected}"] if a.corrected else []
-        lines.append(f"{a.name:{named}}  {a.verdict.value:{width}}  {a.what}: {'; '.join(parts)}")
-        if a.why:
-            lines.append(f"{'':{named}}  {'':{width}}  {a.why}")
-    lines += [f"missed: {claim}" for claim in study.failed]
+        lines += wrapped(f"{a.name}: {a.verdict.value}: {a.what}")
+        numbers = (
+            ("published", a.published),
+            ("recomputed", a.reproduced),
+            ("canid", a.corrected),
+            ("why", a.why),
+        )
+        lines += [
+            line for name, says in numbers if says for line in wrapped(f"  {name}: {says}", hang="    ")
+        ]
+    lines += [line for claim in study.failed for line in wrapped(f"missed: {claim}")]
     return lines

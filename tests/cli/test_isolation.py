@@ -119,7 +119,7 @@ def test_an_estimator_that_says_nan_costs_no_frame_and_breaks_no_view(
             row = json.loads(json_values.line(json_values.plain(item.item)))
             assert row["t"] is None
             assert row["channels"]["range_rate"]["K"]["value"] is None
-            assert "fopdt" in plain(render(view, 80, 24))
+            assert "FOPDT" in plain(render(view, 80, 24))
     assert estimates > 0
     assert last is not None
     assert last.estimator is not None

@@ -159,7 +159,7 @@ def test_plain_lines_without_a_terminal(shell: Callable[[str], Any], setting: st
     )
     assert ran.code == DONE
     assert not re.search(r"[\x00-\x09\x0b-\x1f]", ran.out + ran.err)
-    assert re.search(r"^ +\d+\.\d s  armax +converging", ran.out, re.MULTILINE)
+    assert re.search(r"^ +\d+\.\d s  ARMAX +converging", ran.out, re.MULTILINE)
 
 
 def on_a_terminal(monkeypatch: pytest.MonkeyPatch, **environment: str) -> str:

@@ -123,7 +123,7 @@ def test_an_identification_draws_them() -> None:
             # six lags after the step it is K
             assert of.step.value[-1] == pytest.approx(channel.K.value, rel=0.01)
     names = {spec["name"] for spec in found.plot("step").data}
-    assert {"fopdt", "fopdt, 95 %", "armax"} == names
+    assert {"FOPDT", "FOPDT, 95 %", "ARMAX"} == names
     assert "measured" in {spec["name"] for spec in found.plot("frequency").data}
     with pytest.raises(ValueError, match="no kind 'bode'; there are '', 'step', 'frequency'"):
         found.plot("bode")

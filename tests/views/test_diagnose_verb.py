@@ -60,7 +60,7 @@ def canid(
 def test_no_file_unless_asked(canid: Callable[..., Ran], tmp_path: Path) -> None:
     ran = canid(URBAN, *PART)
     assert (ran.code, ran.err) == (DONE, "")
-    assert ran.out.startswith("NAMED: ")
+    assert ran.out.startswith("CAUSE FOUND: ")
     assert str(URBAN) in ran.out
     assert list(tmp_path.iterdir()) == []
 
@@ -93,7 +93,7 @@ def test_json_alone_is_on_standard_output(canid: Callable[..., Ran]) -> None:
     assert result["verdict"] == "named"
     assert result["provenance"]["versions"]["canid"]
     assert re.fullmatch(r"[0-9a-f]{64}", result["provenance"]["log_sha256"])
-    assert "canid: NAMED: " in ran.err
+    assert "canid: CAUSE FOUND: " in ran.err
     other = ROOT / "replay_logs/following_mixed.blf"
     result = json.loads(canid(URBAN, other, *PART, "--json", "-").out)
     assert [one["log"] for one in result] == [str(URBAN), str(other)]
@@ -122,7 +122,7 @@ def test_a_damaged_log_is_4_and_still_diagnosed(canid: Callable[..., Ran], tmp_p
     cut.write_bytes(whole[: len(whole) // 2])
     ran = canid(cut, *PART[:2], "--check")
     assert ran.code == DAMAGED
-    assert ran.out.startswith("NAMED: ")
+    assert ran.out.startswith("CAUSE FOUND: ")
     assert "canid: " in ran.err
 
 
@@ -151,7 +151,7 @@ def test_a_page_that_cannot_be_written_is_5(canid: Callable[..., Ran], tmp_path:
     (tmp_path / "full.html").symlink_to("/dev/full")
     ran = canid(URBAN, *PART, "-o", tmp_path / "full.html")
     assert (ran.code, ran.err.count("\n")) == (NOT_WRITTEN, 1)
-    assert ran.out.startswith("NAMED: ")
+    assert ran.out.startswith("CAUSE FOUND: ")
     (tmp_path / "full.html").unlink()
     ran = canid(URBAN, *PART, "-o", tmp_path / "no_such_folder" / "page.html")
     assert (ran.code, ran.out, ran.err.count("\n")) == (NOT_WRITTEN, "", 1)

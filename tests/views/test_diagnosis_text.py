@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from canid.ui.views.diagnosis_report import diagnosis_json, diagnosis_text
+from canid.ui.views.diagnosis_report import diagnosis_json, diagnosis_parts, diagnosis_text
 from canid.ui.views.diagnosis_report.diagnosis_document import page
 from canid.values.findings import Blocked, Finding, NotTestable, NullGain, Report, Verdict
 from canid.values.text import json_values, numbers
@@ -51,9 +51,9 @@ def unlinked(html: str) -> str:
 def test_the_first_line_is_the_verdict(report_of: ReportOf, verdict: Verdict) -> None:
     """The text begins with the verdict, once, whether or not the sentence contains it as well."""
     report = report_of(verdict)
-    word = verdict.value.replace("_", " ").upper()
+    word, title = verdict.value.replace("_", " ").upper(), diagnosis_parts.TITLES[verdict].upper()
     first = said(report)[0]
-    assert first == f"{word}: {report.says}"
+    assert first == f"{title}: {report.says}"
     assert said(report._replace(says=f"{word}: {report.says}"))[0] == first
     assert not any(line != line.rstrip() or "nan" in line.split() for line in said(report))
 

@@ -37,9 +37,12 @@ def test_text_is_wrapped_indented_below_its_titles_and_parted_by_blank_lines() -
     text = lines(blocks, 24)
     assert text[:4] == ["A verdict of several", "  words, and of a second", "  clause.", ""]
     assert text[4:7] == ["why", "  - ✗ one two three", "  - </p><script>alert(1)"]
-    assert all(len(line) <= 24 for line in text[: text.index("counts")])
+    assert all(len(line) <= 24 for line in text)
     assert text[text.index("counts") - 1] == ""
-    assert text[text.index("counts") + 1] == f"  what{' ' * (len(EVIL) - 4)}      n"
+    # a table that is too wide: a paragraph for each row
+    assert text[text.index("counts") + 1 :][:2] == ["  ✓ a `b`: n 1", "  </p><script>alert(1)</"]
+    assert "n 22 33" in " ".join(text)
+    assert lines([TABLE])[1] == f"  what{' ' * (len(EVIL) - 4)}      n"
     assert text.count("") == 2
     assert lines([sentence, Sentence("b", hang="")]) == [sentence, "", "b"]
     # a table of which no column has a name has no head

@@ -178,7 +178,7 @@ def test_the_page_of_replay_shows_what_was_said_live(canid: Canid, opened: Open,
     strips = {state["name"]: set(state["y"]) for state in figures["states"]["data"] if state["y"]}
     for estimator in ("fopdt", "armax"):
         came = {readable(line["status"]) for line in estimates if line["estimator"] == estimator}
-        assert came == {name for name, rows in strips.items() if estimator in rows}
+        assert came == {name for name, rows in strips.items() if estimator.upper() in rows}
     K = next(
         one for one in figures["live-range_rate"]["data"] if one["name"] == "FOPDT" and one["yaxis"] == "y"
     )

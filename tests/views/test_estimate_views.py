@@ -43,7 +43,7 @@ def test_the_display_marks_the_headline_estimate():
     lines = seen(estimate("armax"), estimate("fopdt", headline=True))
     marked = [line for line in lines if HEADLINE_MARK in line]
     assert len(marked) == 1
-    assert "fopdt" in marked[0]
+    assert "FOPDT" in marked[0]
     assert "headline estimate" in marked[0]
     assert not [line for line in seen(estimate("armax"), estimate("fopdt")) if HEADLINE_MARK in line]
 

@@ -24,6 +24,7 @@ POWER_QUANTILE = 0.8416
 
 # between the name of a cause and that of its parameter
 OF_CAUSE = ": "
+OF_NOISE = ("noise_sd",)
 DIFFERENT, NO_DIFFERENCE, NOT_COMPARABLE = "different", "no_difference_found", "not_comparable"
 
 
@@ -129,7 +130,12 @@ def compare(a: Side, b: Side) -> Comparison:
     if any(row.differs for row in rows) or any(cause.differs for cause in compared_causes):
         verdict = DIFFERENT
     else:
-        verdict = NO_DIFFERENCE if contrasts else NOT_COMPARABLE
+        # equal noise alone says nothing on how both drive
+        verdict = (
+            NO_DIFFERENCE
+            if any(row.compared and row.name not in OF_NOISE for row in rows)
+            else NOT_COMPARABLE
+        )
     table = conditions.table(a, b)
     joint = all(values.correlation is not None for side in sides.values() for values in side)
     said = (*conditions.warnings(table, a, b), *remarks(a, b, joint=joint))

@@ -10,6 +10,7 @@ import numpy as np
 from canid.analysis.export.table import Field, Table, Values, of_columns
 from canid.signals.signal_checks.output_scale import output_scale
 from canid.values.roles import DERIVED, ROLES
+from canid.values.text.names import method
 from canid.values.types import NAN, Array, Estimate, Trace
 
 if TYPE_CHECKING:
@@ -172,7 +173,7 @@ def plot_table(trace: Trace, estimates: Sequence[Estimate], series: DriveSeries 
             before = (after - 1).clip(0)
             close = series.t[known][after] - series.t[known][before] < 1.5 * step
             predicted = np.where(close, line, NAN)
-        says = f"output simulated from the inputs alone by {series.estimator}"
+        says = f"output simulated from the inputs alone by {method(series.estimator)}"
         columns.append((Field("prediction", unit_of(output), says), predicted))
     for table in channel_tables(estimates, output):
         estimator, _, name = table.name.partition(".")

@@ -55,11 +55,12 @@ def vehicle_text(
         "# then run `canid check --vehicle THIS_FILE LOG`.",
         *(f"# {plain(warning)}" for warning in warnings),
         f"name = {quoted(Path(paths[0]).stem)}",
-        "# Paths are relative to this file; { file = ..., bus = 1 } binds a file to a bus.",
+        "# Paths are relative to this file; { file = ..., bus = 1 } binds one to a bus.",
         f"dbc = [{_dbc(paths, decisions, home)}]",
         "",
         '[signals]  # role = "MESSAGE.SIGNAL"; the unit is the DBC\'s and is converted',
-        "# range_rate: positive = opening (lead minus own speed); if yours is closing speed: scale = -1",
+        "# range_rate: positive = opening (lead minus own speed);",
+        "# if yours is the closing speed: scale = -1",
         "",
     ]
     by_tracks = decisions.tracks is not None and not decisions.tracks.unknown

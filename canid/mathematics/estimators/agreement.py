@@ -195,7 +195,8 @@ def _contradiction(key: tuple[str, str, str, str], a: Estimate, b: Estimate) -> 
 
 
 def _wrong_order(key: tuple[str, str, str, str], a: Estimate, b: Estimate, right: str) -> str:
-    return f"{both(key, a.channels, b.channels)}; steering is of higher order than one lag and a dead time: use {right}'s"
+    says = both(key, a.channels, b.channels)
+    return f"{says}; steering is of higher order than one lag and a dead time: use {method(right)}'s"
 
 
 def both(

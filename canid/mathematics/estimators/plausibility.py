@@ -16,6 +16,7 @@ from canid.mathematics.identification import closed_loop_stability
 from canid.mathematics.identification.confidence import QUANTILES
 from canid.mathematics.identification.fopdt.grid_search import Optimum
 from canid.mathematics.identification.identifiability import QUOTABLE, apart
+from canid.values.text.numbers import number
 from canid.values.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
 
 # Share of a range beyond which half of what is believed of a delay lies at its end. On 2,700 channels of clean
@@ -105,7 +106,7 @@ def _mean(fit_percent: float) -> str:
     if not fit_percent <= 0.0:
         return ""
     return (
-        f"the model explains no more than the mean (fit {fit_percent:.0f} %): other causes of the output hide the "
+        f"the model explains no more than the mean (fit {number(fit_percent, '%', 2)}): other causes of the output hide the "
         "response to the inputs"
     )
 
@@ -207,6 +208,10 @@ def large_left_over(tests: ResidualTests) -> list[tuple[str, float]]:
     return [(name, share) for name, share in shares if share > MAX_LEFT_OVER]
 
 
+# what to do about a gain that something else than its size keeps from being quoted
+SEARCH = "search for the cause with `canid diagnose`"
+
+
 def gains_left_over(tests: ResidualTests) -> dict[str, str]:
     """Inputs of which more of the response is left over than the model gives, and why their gain may not be quoted.
 
@@ -216,7 +221,7 @@ def gains_left_over(tests: ResidualTests) -> dict[str, str]:
     """
     return {
         name: f"{name.replace('_', ' ')}: the residuals still hold more of a response than the model gives "
-        f"({100 * share:.0f} %): K may not be quoted; canid diagnose looks for the cause"
+        f"({100 * share:.0f} %): K may not be quoted; {SEARCH}"
         for name, share in large_left_over(tests)
         if share > MAX_LEFT_OVER_OF_GAIN
     }

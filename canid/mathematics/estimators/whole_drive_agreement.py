@@ -27,7 +27,7 @@ from canid.mathematics.identification.identifiability import (
 )
 from canid.values.text.names import method as in_words
 from canid.values.text.names import readable
-from canid.values.text.numbers import interval
+from canid.values.text.numbers import interval, number
 from canid.values.types import Channel, SignalFinding
 
 # What each estimator's model takes to be so.
@@ -68,7 +68,7 @@ def arbitrated(
     for method, says in ((name, _left_over(result)) for name, result in made.items()):
         # steering is of higher order: there it speaks against the estimator of first order alone
         for name in set(out if not wrong else wrong & {method}) - set(explained):
-            of_other = says.replace("the residuals", f"the residuals of {method}")
+            of_other = says.replace("the residuals", f"the residuals of {in_words(method)}")
             out[name] = _without_delays(out[name], says if name == method else of_other)
     for a, b in combinations(agreement.by_headline(made, inputs), 2):
         for name, what in disjoint(made[a].channels, made[b].channels):
@@ -83,7 +83,7 @@ def arbitrated(
             says = agreement.both(key, made[a].channels, made[b].channels)
             if (a in wrong) != (b in wrong):
                 other, right = (a, b) if a in wrong else (b, a)
-                reason = f"{says}: steering is of higher order than one lag and a dead time: use {right}'s"
+                reason = f"{says}: steering is of higher order than one lag and a dead time: use {in_words(right)}'s"
                 out[other] = without_parameter(out[other], name, what, reason)
                 continue
             reason = _neither(says, (a, b))
@@ -173,7 +173,7 @@ def _without_causes(mine: Mapping[str, Channel], others: Mapping[str, WholeDrive
 
 
 def _neither(says: str, methods: tuple[str, str]) -> str:
-    needs = "; ".join(f"{method} needs {NEEDS[method]}" for method in methods if method in NEEDS)
+    needs = "; ".join(f"{in_words(method)} needs {NEEDS[method]}" for method in methods if method in NEEDS)
     return f"{says}: no point in common, neither may be quoted ({needs}, and a driver who stays the same)"
 
 
@@ -216,7 +216,7 @@ def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Ite
         tests = made[each].residual_tests
         for name, share in [] if tests is None else plausibility.large_left_over(tests):
             against[name] = (
-                f"the residuals of {each} still hold a response of {100 * share:.0f} % of the model's own"
+                f"the residuals of {in_words(each)} still hold a response of {100 * share:.0f} % of the model's own"
             )
     for name, channel in made[method].channels.items():
         rival = made[other].channels.get(name, Channel())
@@ -224,11 +224,11 @@ def _unconfirmed(made: Mapping[str, WholeDrive], method: str, other: str) -> Ite
             continue
         reason = against.get(name, "")
         if fit is not None and fit <= 0.0:
-            reason = f"{other}'s model explains no more than the mean (fit {fit:.0f} %)"
+            reason = f"{in_words(other)}'s model explains no more than the mean (fit {number(fit, '%', 2)})"
         if reason:
             yield (
                 name,
-                f"{name.replace('_', ' ')}: {reason}, and {other} confirms no gain: K may not be quoted",
+                f"{name.replace('_', ' ')}: {reason}, and {in_words(other)} confirms no gain: K may not be quoted",
             )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.special import ndtr
 
-from canid.mathematics.estimators import whole_drive_agreement
+from canid.mathematics.estimators import plausibility, whole_drive_agreement
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification.identifiability import quotable
 from canid.models.diagnosis import car_following, corrections
@@ -70,7 +70,7 @@ def reason(key: str) -> str:
     """
     return (
         f"K of {readable(key)} is probably an average over a cause that the model does not have: with it the model "
-        "describes this drive better and has another K; search for the cause with `canid diagnose`"
+        f"describes this drive better and has another K; {plausibility.SEARCH}"
     )
 
 

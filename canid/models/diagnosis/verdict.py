@@ -174,7 +174,9 @@ def gained_line(gained: Gained) -> str:
         else _better(gain)
     )
     if better and null.replicates:
-        without = f"{-100 * null.median:+z.0f} %, 95 % point {-100 * null.high:+z.0f} %"
+        without = (
+            f"{-100 * null.median:+z.0f} % in the median, beyond {-100 * null.high:+z.0f} % in one of 20"
+        )
         beyond = gain.value > null.high
         better = better[:-1] + (
             f" (without the cause, by the driver's own noise in the loop: {without})."

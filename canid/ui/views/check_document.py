@@ -12,7 +12,7 @@ from canid.analysis.drive.vehicle_check import Check, Contents, Row
 from canid.ui.views import signal_text
 from canid.ui.views.document import document as doc
 from canid.ui.views.document.document_page import page as html
-from canid.ui.views.document.document_text import lines
+from canid.ui.views.document.document_text import WIDTH, lines
 from canid.ui.views.drawing.figure import Figure, Spec, times
 from canid.ui.views.drawing.panels import Panel, instants, signal, stack, titled
 from canid.ui.views.drive_report import enough, gates
@@ -57,7 +57,7 @@ def text(checked: Check) -> list[str]:
     gate = (f"{_gate(gate)} {share:.0f} %" for gate, share in checked.gates.items())
     time = (f"time: {signal_text.time(checked.time)}", f"learning gate: {', '.join(gate)}", *checked.remarks)
     roles = [doc.chosen(head, _roles(checked)) for head in (TEXT, TEXT_FROM)]
-    return lines([_came(checked), *roles, doc.Listing(time), _problems(checked)])
+    return lines([_came(checked), *roles, doc.Listing(time), _problems(checked)], WIDTH)
 
 
 def contents(counted: Contents) -> list[str]:
@@ -68,7 +68,7 @@ def contents(counted: Contents) -> list[str]:
     ]
     frames = sum(counted.frames.values()) + sum(counted.apart.values())
     total = f"{frames:,} frames, {len(rows)} ids, {_duration(counted)}{_apart(counted.apart)}"
-    return lines([total, doc.Table(("bus", "id", "bytes", "frames", "1/s"), rows)])
+    return lines([total, doc.Table(("bus", "id", "bytes", "frames", "1/s"), rows)], WIDTH)
 
 
 def page(log: CheckedLog) -> str:
@@ -79,7 +79,7 @@ def page(log: CheckedLog) -> str:
     problems = [_problems(checked), doc.Listing(checked.remarks, "remarks")]
     sections = [
         doc.Section("problems", "Problems and what to do", problems, "Problems"),
-        doc.Section("enough", "Is it enough?", [enough.table(checked.time, checked.output)]),
+        doc.Section("enough", "Is the drive long enough?", [enough.table(checked.time, checked.output)]),
         doc.Section("roles", "Roles", [_roles_of_page(checked)]),
         doc.Section("signals", "Signals over time", _over_time(log), "Signals"),
         doc.Section("ids", "Ids without mapping", [_unmapped(checked)]),

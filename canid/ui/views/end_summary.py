@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from canid.analysis.drive.response_sentence import response
-from canid.ui.views.document.document_text import wrapped
+from canid.ui.views.document.document import Block, Listing
+from canid.ui.views.document.document_text import WIDTH, block_lines
 from canid.values.text import estimate_text
-from canid.values.text.names import HEADLINE_MARK
+from canid.values.text.names import HEADLINE_MARK, method, readable
+from canid.values.text.numbers import number
 from canid.values.types import Damage, Estimate, Event, MonitorReport, Sample, SignalReport, Status
 
 
@@ -42,37 +44,36 @@ class EstimateTally:
 
 
 def estimates(tally: EstimateTally, output: str = "") -> list[str]:
-    """The last good estimate of each estimator, with the share of each status; `output`: its role, for the unit of K."""
-    lines = _answer(tally, output)
-    for name in sorted(tally.statuses):
-        total = sum(tally.statuses[name].values())
-        shares = ", ".join(
-            f"{status.value} {100 * n / total:.0f} %"
-            for status, n in sorted(tally.statuses[name].items(), key=lambda item: -item[1])
-        )
-        headline = f"  {HEADLINE_MARK} headline estimate" if name == tally.headline else ""
-        lines.append(f"{name}: {shares}{headline}")
-        e = tally.last_ok.get(name)
-        if e is None:
-            lines.append(f"  no estimate: {tally.last[name].says}")
-            continue
-        lines += [
-            f"  {estimate_text.channel(channel, ch, output, None)}" for channel, ch in e.channels.items()
-        ]
-        fit = f", fit {e.fit_percent:.0f} %" if e.fit_percent == e.fit_percent else ""
-        lines.append(f"  at {e.t:.1f} s, from {e.used:.0f} s of driving{fit}")
-    return lines
+    """The end of a run as text: the answer, and each estimator; `output`: its role, for the unit of K."""
+    blocks: list[Block] = [answer(tally, output), *by_estimator(tally, output)]
+    return [line for block in blocks for line in block_lines(block, WIDTH)]
 
 
-def _answer(tally: EstimateTally, output: str) -> list[str]:
+def answer(tally: EstimateTally, output: str) -> str:
     """The response of the last headline estimate, in a sentence; it is of the last minute, not of the whole drive."""
     last = tally.last_ok.get(tally.headline)
     says = response(last.channels, output) if last is not None else ""
-    return (
-        wrapped(f"{says[:-1]} (of the window that ends at {last.t:.0f} s).")
-        if last is not None and says
-        else []
-    )
+    return f"{says[:-1]} (of the window that ends at {last.t:.0f} s)." if last is not None and says else ""
+
+
+def by_estimator(tally: EstimateTally, output: str) -> list[Listing]:
+    """The last good estimate of each estimator, with the share of each status."""
+    out = []
+    for name in sorted(tally.statuses):
+        total = sum(tally.statuses[name].values())
+        shares = ", ".join(
+            f"{readable(status.value)} {number(100 * n / total, '%', 2)}"
+            for status, n in sorted(tally.statuses[name].items(), key=lambda item: -item[1])
+        )
+        e = tally.last_ok.get(name)
+        items = [f"no estimate: {tally.last[name].says}"]
+        if e is not None:
+            items = [estimate_text.channel(channel, ch, output, None) for channel, ch in e.channels.items()]
+            fit = f", fit {number(e.fit_percent, '%', 2)}" if e.fit_percent == e.fit_percent else ""
+            items.append(f"at {e.t:.1f} s, from {e.used:.0f} s of driving{fit}")
+        mark = f"{HEADLINE_MARK} " * (name == tally.headline)
+        out.append(Listing(items, f"{mark}{method(name)}: {shares}"))
+    return out
 
 
 def health(

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.ui.views.document.document_text import wrapped
 from canid.values.bus_names import bus_text
 from canid.values.log_contents import BusContents, LogContents, MessageContents, SignalContents
 from canid.values.terminal_text import terminal_text
@@ -61,7 +62,8 @@ def lines(
         everything: no row is left out.
     """
     width = min(max(width, MIN_WIDTH), MAX_WIDTH)
-    out = [*_head(contents, head), ""]
+    # the path alone in its line, whole, so that it can be copied
+    out = [head.path, *(line for says in _head(contents, head) for line in wrapped(says)), ""]
     out += _messages(contents, width, sort, everything)
     if contents.signals or contents.databases:
         out += ["", *_signals(contents, width, sort, everything)]
@@ -86,7 +88,7 @@ def _head(contents: LogContents, head: Head) -> list[str]:
     ids = contents.ids
     paused = f" of which {number(contents.paused, 's')} without any frame" if contents.paused else ""
     out = [
-        f"{head.path}: {head.format}, {format_start(head.start_utc)}, {number(contents.duration, 's')}{paused}, "
+        f"{head.format}, {format_start(head.start_utc)}, {number(contents.duration, 's')}{paused}, "
         f"{contents.frames:,} frames, {ids:,} id{'s' * (ids != 1)}"
     ]
     if head.interfaces:
@@ -109,7 +111,8 @@ def _head(contents: LogContents, head: Head) -> list[str]:
 
 
 def _bus(bus: BusContents) -> str:
-    load = f"{number(bus.bits_per_s / 1000.0, 'kbit/s')} without stuff bits"
+    # without stuff bits
+    load = f"at least {number(bus.bits_per_s / 1000.0, 'kbit/s')}"
     # a few frames in an instant, or a faster bus: of another rate
     if not bus.fd and bus.bits_per_s <= USUAL_BIT_RATE:
         load += f" ({number(100.0 * bus.bits_per_s / USUAL_BIT_RATE, '%')} of 500 kbit/s)"

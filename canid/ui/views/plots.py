@@ -21,7 +21,7 @@ from canid.ui.views.drive_report.estimates_over_time import gains_over_time
 from canid.ui.views.drive_report.model_over_time import model_over_time, unused
 from canid.ui.views.notebook.channel_rows import rows
 from canid.values.findings import Report
-from canid.values.text.names import label, readable
+from canid.values.text.names import label, method, readable
 from canid.values.text.numbers import interval
 from canid.values.types import Channel, Estimate, Interval, Status, Trace
 
@@ -41,7 +41,7 @@ def channel_plot(channel: Channel) -> Any:
 
 def estimate_plot(estimate: Estimate) -> Any:
     """The parameters of an estimate."""
-    title = f"{estimate.estimator} at {estimate.t:.1f} s: {estimate.status.value}"
+    title = f"{method(estimate.estimator)} at {estimate.t:.1f} s: {estimate.status.value}"
     return _channels(estimate.channels if estimate.status is Status.OK else {}, title)
 
 

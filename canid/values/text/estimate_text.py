@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from canid.values.text.names import HEADLINE_MARK, SYMBOLS, readable
+from canid.values.text.names import HEADLINE_MARK, SYMBOLS, method, readable
 from canid.values.text.numbers import clock, gain_unit, interval
 from canid.values.types import (
     Channel,
@@ -183,10 +183,10 @@ def estimate(e: Estimate, output: str = "") -> str:
     Example:
         >>> K = Channel(Interval(4.4, 3.6, 5.2), status=Identifiable.GAIN_ONLY)
         >>> estimate(Estimate(60.0, "fopdt", Status.OK, "range rate: K only", {"range_rate": K}, headline=True))
-        '▶    60.0 s  fopdt   ok            range rate: K 4.40 [3.60, 5.20]'
+        '▶    60.0 s  FOPDT   ok            range rate: K 4.40 [3.60, 5.20]'
     """
     mark = HEADLINE_MARK if e.headline else " "
-    parts = [f"{mark}{e.t:8.1f} s", f"{e.estimator:6}", f"{e.status.value:12}"]
+    parts = [f"{mark}{e.t:8.1f} s", f"{method(e.estimator):6}", f"{readable(e.status.value):12}"]
     known = [
         channel(name, ch, output) for name, ch in e.channels.items() if ch.status is not Identifiable.NOT
     ]

@@ -92,6 +92,16 @@ def number(x: float, unit: str = "", digits: int = PLAIN_DIGITS) -> str:
     return _with_unit(text, unit)
 
 
+def plural(n: int, what: str) -> str:
+    """So many of something.
+
+    Example:
+        >>> plural(1, "drive"), plural(1200, "drive")
+        ('1 drive', '1,200 drives')
+    """
+    return f"{n:,} {what}{'' if n == 1 else 's'}"
+
+
 def fit_text(percent: float) -> str:
     """Fit of a simulation, 100 · (1 − rms error over rms about the mean); below 0 with what that means.
 

@@ -7,7 +7,7 @@ import math
 from canid.analysis.fleet.answers.labels import hours, label, spread
 from canid.values.fleet_summary import FleetSummary, Parameter, Population
 from canid.values.text.names import readable
-from canid.values.text.numbers import interval
+from canid.values.text.numbers import interval, plural
 
 # names in a sentence
 MAX_NAMES = 3
@@ -20,7 +20,7 @@ def verdict(summary: FleetSummary) -> str:
         return "no drive has an estimate"
     drives = sum(driver.drives for pooled in summary.populations for driver in pooled.drivers)
     drivers = len({driver.name for pooled in summary.populations for driver in pooled.drivers})
-    head = f"{_plural(drivers, 'driver')}, {_plural(drives, 'drive')}"
+    head = f"{plural(drivers, 'driver')}, {plural(drives, 'drive')}"
     if drivers < 2:
         return head
     differ = [label(parameter.name) for parameter in population.parameters if parameter.between.low > 0.0]
@@ -34,7 +34,7 @@ def sentences(summary: FleetSummary) -> tuple[str, ...]:
         most = summary.excluded[0]
         n = sum(reason.number for reason in summary.excluded)
         out.append(
-            f"{_plural(n, 'drive')} with results do not count for the population; most often: {most.what}"
+            f"{plural(n, 'drive')} with results do not count for the population; most often: {most.what}"
         )
     population = _first(summary)
     if population is not None:
@@ -61,11 +61,11 @@ def sentences(summary: FleetSummary) -> tuple[str, ...]:
             out.append(f"causes on several drives of a driver together: {_names(joint)}")
         if not listed and not joint:
             out.append(
-                f"{_plural(len(summary.causes), 'cause')} named, none beyond what chance gives over so many drives"
+                f"{plural(len(summary.causes), 'cause')} named, none beyond what chance gives over so many drives"
             )
     if summary.signals:
         worst = summary.signals[0]
-        out.append(f"worst signal: {readable(worst.what)} in {_plural(worst.number, 'drive')}")
+        out.append(f"worst signal: {readable(worst.what)} in {plural(worst.number, 'drive')}")
     return tuple(out)
 
 
@@ -112,10 +112,6 @@ def _between(parameter: Parameter) -> str:
     if parameter.between.low > 0.0:
         return f"drivers differ by a standard deviation of {spread(parameter, parameter.between)}"
     return f"between drivers no spread is shown (standard deviation {spread(parameter, parameter.between)})"
-
-
-def _plural(n: int, what: str) -> str:
-    return f"{n:,} {what}{'' if n == 1 else 's'}"
 
 
 def _names(names: list[str]) -> str:

@@ -27,6 +27,7 @@ from canid.models.diagnosis.lane.lane_model import (
     with_effects,
 )
 from canid.values.findings import Flags
+from canid.values.text.numbers import number
 from canid.values.types import Channel, Identifiable, Interval, LearnGate, Trace
 
 FittedLane = FittedModel[LaneModel]
@@ -171,8 +172,8 @@ def refusal(data: LaneData, solved: FittedLane) -> str:
     fit = 100 * (1 - float(np.linalg.norm(left)) / max(float(np.linalg.norm(y - y.mean())), 1e-9))
     if fit <= 0.0:
         return (
-            f"its simulation fits worse than the mean of the wheel angle (fit {fit:.0f} %): something else than the lateral "
-            "offset turns the wheel. What would help: 10 min on a straighter road, without a steering assistant"
+            f"its simulation fits worse than the mean of the wheel angle (fit {number(fit, '%', 2)}): something else than "
+            "the lateral offset turns the wheel. What would help: 10 min on a straighter road, without a steering assistant"
         )
     low, high = solved.model.low, solved.model.high
     at = [

@@ -38,6 +38,7 @@ from canid.models.diagnosis.vehicle.vehicle_block import Vehicle
 from canid.models.diagnosis.vehicle.vehicle_model import DRAG, LAG, STRENGTH
 from canid.models.diagnosis.vehicle.vehicle_search import FittedVehicle
 from canid.models.effects.wanted_gap import REFERENCE_SPEED, Form
+from canid.values.text.numbers import number
 from canid.values.types import Channel, Identifiable
 
 # of the upper end of a gain's interval: a gain that controls nothing
@@ -80,9 +81,9 @@ def refusal(
     fit = fit_percent(data, solved)
     if fit <= 0.0 and not predictive_score.of_answers(data, solved).low > 0:
         return (
-            f"its simulation fits worse than the mean of the output (fit {fit:.0f} %), and its predictions of the next "
-            "sample gain nothing from the lead: something else moves the output. What would help: 10 min in one stretch "
-            "behind a lead whose speed changes, without cruise control"
+            f"its simulation fits worse than the mean of the output (fit {number(fit, '%', 2)}), and its predictions of "
+            "the next sample gain nothing from the lead: something else moves the output. What would help: 10 min in one "
+            "stretch behind a lead whose speed changes, without cruise control"
         )
     return ""
 

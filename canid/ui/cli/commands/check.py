@@ -159,7 +159,7 @@ def check_alone(args: argparse.Namespace, vehicle: Vehicle | None) -> int:
         show(args, text, Interfaces(tuple(known)))
     else:
         n = len(vehicle.roles)
-        text = [f"{args.vehicle}: valid; {n} roles mapped, output {vehicle.driver.output}"]
+        text = [args.vehicle, f"valid; {n} roles mapped, output {vehicle.driver.output}"]
         show(args, text, VehicleAlone(tuple(vehicle.roles), vehicle.driver.output))
     return DONE
 

@@ -29,7 +29,7 @@ from canid.ui.views.terminal_view.state import View
 from canid.values import bounded_numbers
 from canid.values.errors import CHECK_FAILED, DONE
 from canid.values.text import estimate_text
-from canid.values.text.names import SYMBOLS, readable
+from canid.values.text.names import SYMBOLS, method, readable
 from canid.values.text.numbers import number
 from canid.values.types import Channel, Identifiable, Interval
 
@@ -227,7 +227,7 @@ def compare(name: str, channels: Mapping[str, Channel], truth: Mapping[str, dict
             iv: Interval = getattr(ch, what)
             inside = "inside" if iv.low <= true_values[what] <= iv.high else "OUTSIDE"
             lines.append(
-                f"{name:6} {readable(channel):14} {SYMBOLS[what]:4} {estimate_text.fixed(iv):20} "
+                f"{method(name):6} {readable(channel):14} {SYMBOLS[what]:4} {estimate_text.fixed(iv):20} "
                 f"truth {true_values[what]:.2f}: {inside}"
             )
     return lines

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from markupsafe import Markup
 
@@ -20,7 +20,7 @@ from canid.ui.views.document.document_text import WIDTH, block_lines, lines
 from canid.ui.views.notebook.fragment import bar, fragment, scale
 from canid.values.findings import Provenance
 from canid.values.terminal_text import terminal_text
-from canid.values.text.names import label, readable
+from canid.values.text.names import SYMBOLS, label, readable
 from canid.values.text.numbers import chance, interval, number
 from canid.values.types import Interval
 
@@ -32,7 +32,7 @@ TITLES = {
     NOT_COMPARABLE: "not comparable",
 }
 VALUES = ("parameter", ">A", ">B", "unit")
-DIFFERENCES = ("  parameter", ">B less A", ">B / A", ">p", ">detect.")
+DIFFERENCES = ("  parameter", ">B less A", ">B / A", ">p-value", ">detectable")
 PAGE = (*VALUES, "verdict", *DIFFERENCES[1:])
 SEVERAL = (">spread", ">drives")
 CONDITIONS = ("conditions", ">A", ">B", "unit")
@@ -66,7 +66,7 @@ def page(comparison: Comparison, provenance: Provenance) -> str:
     Example:
         >>> from canid.analysis.comparison.drive import Side
         >>> nothing = Comparison(Side("A", ()), Side("B", ()), "not_comparable", (), (), (), (), 0.0, None)
-        >>> "no parameter is known on both sides" in page(nothing, Provenance())
+        >>> "no parameter of the response is known on both sides" in page(nothing, Provenance())
         True
     """
     compared = [row for row in comparison.rows if row.compared]
@@ -152,17 +152,18 @@ def sentence(comparison: Comparison) -> str:
         >>> from canid.analysis.comparison.drive import Side
         >>> nothing = Comparison(Side("A", ()), Side("B", ()), NOT_COMPARABLE, (), (), (), (), 2.0, None)
         >>> sentence(nothing)
-        'no parameter is known on both sides; longer drives with more movement of the inputs are needed'
+        'no parameter of the response is known on both sides; longer drives with more movement of the inputs are needed'
     """
     if comparison.verdict == NOT_COMPARABLE:
         if any("units differ" in row.why for row in comparison.rows):
-            return "no parameter is known on both sides in one unit; compare drives with the same output"
+            return "no parameter of the response is known on both sides in one unit; compare drives with the same output"
         if comparison.rows and not any(NOT_IDENTIFIABLE in row.why for row in comparison.rows):
             return (
                 "no parameter may be quoted on both sides; why, and what to do, stands under 'not compared'"
             )
         return (
-            "no parameter is known on both sides; longer drives with more movement of the inputs are needed"
+            "no parameter of the response is known on both sides; longer drives with more movement of the inputs are "
+            "needed"
         )
     compared = [row for row in comparison.rows if row.compared]
     if comparison.verdict == DIFFERENT:
@@ -183,7 +184,10 @@ def sentence(comparison: Comparison) -> str:
     undecided = (
         f"; named on one side and not testable on the other: {', '.join(open_causes)}" if open_causes else ""
     )
-    return f"none of {len(compared)} parameters differs beyond chance{seen}{undecided}"
+    none = f"none of {len(compared)} parameters differs"
+    if len(compared) == 1:
+        none = f"{label(compared[0].name)} alone could be compared, and does not differ"
+    return f"{none} beyond chance{seen}{undecided}"
 
 
 def difference(row: Row) -> str:
@@ -219,10 +223,14 @@ def shortened(name: str, width: int = NAME_WIDTH) -> str:
 
     Example:
         >>> shortened("a.blf"), shortened("x" * 50 + "/drive.blf@0:60", 20)
-        ('a.blf', '…xxxx/drive.blf@0:60')
+        ('a.blf', '…/drive.blf@0:60')
     """
     shown = terminal_text(name)
-    return shown if len(shown) <= width else f"…{shown[1 - width :]}"
+    if len(shown) <= width:
+        return shown
+    end = shown[1 - width :]
+    folder = end.find("/")
+    return f"…{end[folder:] if 0 <= folder < width // 2 else end}"
 
 
 def _rows(comparison: Comparison) -> Iterator[dict[str, doc.Cell]]:
@@ -237,8 +245,8 @@ def _rows(comparison: Comparison) -> Iterator[dict[str, doc.Cell]]:
                 "unit": row.unit,
                 ">B less A": interval(row.difference),
                 ">B / A": interval(row.ratio) if by_ratio(row) else "",
-                ">p": chance(row.p_adjusted, 2).replace(" ", ""),
-                ">detect.": number(row.detectable, digits=2),
+                ">p-value": chance(row.p_adjusted, 2).replace(" ", ""),
+                ">detectable": number(row.detectable, digits=2),
                 # between drives of one driver, one for both sides; how many drives of A and B know the parameter
                 ">spread": number(row.spread),
                 ">drives": " and ".join(map(str, row.drives)),
@@ -264,7 +272,7 @@ def _explained(comparison: Comparison) -> str:
         else ""
     )
     return (
-        "intervals are 95 % each; p is for all of them together, * differs (p below 0.05); detect.: detectable, a "
+        "intervals are 95 % each; the p-value is for all of them together, * differs (below 0.05); detectable: a "
         f"difference of that size would be found in 8 of 10 such pairs{margins}"
     )
 
@@ -276,8 +284,25 @@ def _not_compared(comparison: Comparison) -> doc.Listing:
         if not row.compared:
             why.setdefault(row.why, []).append(label(row.name))
     return doc.Listing(
-        [f"{', '.join(names)}: {terminal_text(reason)}" for reason, names in why.items()], "not compared"
+        [f"{', '.join(_together(names))}: {terminal_text(reason)}" for reason, names in why.items()],
+        "not compared",
     )
+
+
+def _together(names: Sequence[str]) -> list[str]:
+    """Parameters of one input after its name, which is written once.
+
+    Example:
+        >>> _together(["range rate K", "range rate τ", "noise sd"])
+        ['range rate K', 'τ', 'noise sd']
+    """
+    out, last = [], ""
+    for name in names:
+        channel, _, what = name.rpartition(" ")
+        channel *= what in SYMBOLS.values()
+        out.append(what if channel and channel == last else name)
+        last = channel
+    return out
 
 
 def _named(comparison: Comparison) -> doc.Listing:

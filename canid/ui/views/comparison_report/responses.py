@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -60,9 +61,23 @@ def responses(comparison: Comparison) -> list[Drawing]:
         if {kind for kind, _ in drawn} == {"a", "b"}:
             unit = gain_unit(outputs.copy().pop(), name)
             out.append(
-                Drawing(_row(drawn, unit), f"Response to {readable(name)}", CAPTION if not out else "")
+                Drawing(
+                    _row(drawn, unit),
+                    f"Response to {readable(name)}{_withheld(known, name)}",
+                    CAPTION if not out else "",
+                )
             )
     return out
+
+
+def _withheld(known: Sequence[tuple[str, DriveEstimates]], name: str) -> str:
+    """Of which sides the gain may not be quoted: their curves are given for what they are worth."""
+    sides = [
+        kind.upper()
+        for kind, drive in known
+        if (K := drive.quantities.get(f"{name} K")) is not None and K.why
+    ]
+    return f" (not to be quoted: {' and '.join(dict.fromkeys(sides))})" if sides else ""
 
 
 def _bands(drive: DriveEstimates, name: str) -> tuple[Band, Band, Band] | None:

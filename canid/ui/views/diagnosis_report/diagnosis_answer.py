@@ -67,7 +67,7 @@ def summary(report: Report, log: str = "", vehicle: str = "", more: str = "") ->
         vehicle: name of the vehicle; the same.
         more: where the rest is.
     """
-    verdict = readable(report.verdict.value).upper()
+    verdict = parts.TITLES[report.verdict].upper()
     said, *rest = answer(report)
     states = ", ".join(f"{block.where} {parts.block_state(block)}" for block in report.blocks)
     undecided = ", ".join(
@@ -190,7 +190,9 @@ def _named(report: Report) -> str:
         for finding in report.findings
         if finding.where not in _MEAN and not finding.surrogate
     ]
-    said = [f"The model misses this: {' '.join(causes)}"] if causes else []
+    # a sentence that the colon introduces
+    said = [f"The model misses this: {causes[0][:1].lower()}{causes[0][1:]}"] if causes else []
+    said += causes[1:]
     said += [f"{capitalised(' and '.join(helps))} helps, but is not the cause."] if helps else []
     said += [f"Of the noise: {' '.join(noise)}"] if noise else []
     return " ".join(said) or parts.sentence(report)
@@ -233,13 +235,13 @@ def _elsewhere(gain: Interval) -> str:
     """Less error of the output's simulation on another drive, as its 95 % interval says.
 
     >>> _elsewhere(Interval(0.5, 0.12, 0.96))
-    'On other drives of this driver expect 12 to 96 % less error.'
+    'On other drives of this driver expect 12 to 96 % less error variance.'
     >>> _elsewhere(Interval(0.1, -0.05, 0.3))
-    'On other drives of this driver expect from 5 % more to 30 % less error.'
+    'On other drives of this driver expect from 5 % more to 30 % less error variance.'
     """
     low, high = (f"{100 * abs(x):.0f}" for x in (gain.low, gain.high))
     if gain.low >= 0:
-        return f"On other drives of this driver expect {low} to {high} % less error."
+        return f"On other drives of this driver expect {low} to {high} % less error variance."
     if gain.high >= 0:
-        return f"On other drives of this driver expect from {low} % more to {high} % less error."
-    return f"On other drives of this driver expect {high} to {low} % more error."
+        return f"On other drives of this driver expect from {low} % more to {high} % less error variance."
+    return f"On other drives of this driver expect {high} to {low} % more error variance."

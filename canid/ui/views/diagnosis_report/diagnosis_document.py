@@ -22,14 +22,6 @@ from canid.values.findings import Check, Report, Verdict, duration, extends, use
 from canid.values.text.names import capitalised, either, parameter, readable
 from canid.values.text.numbers import chance, number, percent, role_unit, time_range
 
-TITLES = {
-    Verdict.ADEQUATE: "The simulation is adequate",
-    Verdict.NAMED: "Cause found",
-    Verdict.ONE_OF: "One of these causes",
-    Verdict.UNEXPLAINED: "Unexplained",
-    Verdict.NOT_ENOUGH_DATA: "Not enough data",
-}
-
 
 def page(report: Report, vehicle: str = "") -> str:
     """The diagnosis as one HTML page, to be stored as UTF-8.
@@ -68,7 +60,7 @@ def page(report: Report, vehicle: str = "") -> str:
         doc.Document(
             "canid diagnosis",
             report.verdict.value,
-            TITLES[report.verdict] + causes,
+            parts.TITLES[report.verdict] + causes,
             [
                 *diagnosis_answer.answer(report),
                 *(doc.Sentence(f"⚠ {says}", "remark") for says in parts.remarks(report)),
@@ -103,8 +95,8 @@ def notebook(report: Report) -> str:
 def _key(report: Report) -> list[tuple[str, doc.Cell]]:
     """The numbers below the verdict."""
     sds = [number(fit.noise_sd, role_unit(report.output)) for fit in (report.baseline, report.extended)]
-    used = f"{number(duration(report), 's')}, {number(used_time(report), 's')} of them used"
-    time = () if report.time is None else (f"time: {signal_text.time(report.time)}",)
+    time = number(duration(report), "s") if report.time is None else signal_text.time(report.time)
+    used = f"this diagnosis fits {number(used_time(report), 's')} of it, by its own masks"
     gained: doc.Cell = tuple(parts.gains(report)) if extends(report) else ""
     rows: list[tuple[str, doc.Cell]] = [
         ("gain on held-out data", gained),
@@ -112,7 +104,7 @@ def _key(report: Report) -> list[tuple[str, doc.Cell]]:
         ("share of the residual that no cause explains", percent(report.unexplained)),
         ("standard deviation of the residual", " → ".join(sds[: 1 + extends(report)])),
         ("model", (*diagnosis_text.fit(report), *parts.form(report))),
-        ("drive", (used, *time)),
+        ("drive", (time, used)),
     ]
     return [row for row in rows if row[1]]
 
@@ -145,8 +137,8 @@ def _time(report: Report) -> list[doc.Block]:
     masked = [f"{effect}: {', '.join(ranges)}" for effect, ranges in when.items()]
     return [
         whole_drive(report) or "Nothing could be simulated.",
-        _folded(worst_windows(report)),
-        diagnosis_text.worst(report)._replace(bullet="1."),
+        # its titles have the numbers of the listing
+        _folded(worst_windows(report)) or diagnosis_text.worst(report)._replace(bullet="1."),
         doc.Listing(masked, "masked before the fit: not the driver's response"),
     ]
 

@@ -10,10 +10,28 @@ from canid.mathematics.identification import identifiability
 from canid.models.diagnosis.rivals.recommendation import CANID
 from canid.models.effects import CATALOGUE
 from canid.ui.views import closed_loop, search_bounds
-from canid.values.findings import Blocked, ClosedLoopError, Finding, NullGain, Report, RivalCause, nrmse, step
+from canid.values.findings import (
+    Blocked,
+    ClosedLoopError,
+    Finding,
+    NullGain,
+    Report,
+    RivalCause,
+    Verdict,
+    nrmse,
+    step,
+)
 from canid.values.text.names import SYMBOLS, parameter, readable
 from canid.values.text.numbers import decimals, gain_unit, interval, number, percent, role_unit
 from canid.values.types import Interval
+
+TITLES = {
+    Verdict.ADEQUATE: "The simulation is adequate",
+    Verdict.NAMED: "Cause found",
+    Verdict.ONE_OF: "One of these causes",
+    Verdict.UNEXPLAINED: "Unexplained",
+    Verdict.NOT_ENOUGH_DATA: "Not enough data",
+}
 
 
 def says(report: Report) -> str:

@@ -42,7 +42,7 @@ def text(report: Report, log: str = "", vehicle: str = "", width: int | None = N
         vehicle: name of the vehicle; the same.
         width: columns; None: sentences are not wrapped.
     """
-    verdict = f"{readable(report.verdict.value).upper()}: {parts.says(report)}"
+    verdict = f"{parts.TITLES[report.verdict].upper()}: {parts.says(report)}"
     time = [] if report.time is None else [f"time: {signal_text.time(report.time)}"]
     signals = signal_text.findings(report.signals)
     blocks = [

@@ -17,7 +17,8 @@ def lines(blocks: Iterable[Block], width: int | None = None) -> list[str]:
 
     Args:
         blocks: sentences, listings and tables; what is empty is left out.
-        width: columns; None: sentences are not wrapped.
+        width: columns, which nothing exceeds; a table that is wider has a paragraph for each row. None: sentences are
+            not wrapped.
 
     Example:
         >>> lines(["A and B.", Listing(["one two"], "why"), Table(("n",), [])], 7)
@@ -43,9 +44,12 @@ def block_lines(block: Block, width: int | None = None) -> list[str]:
     inner = None if width is None else width - len(indent)
     if isinstance(block, Table):
         made = _rows(block)
+        if inner is not None and max(map(len, made), default=0) > inner:
+            made = _records(block, inner)
     else:
         made = [line for item in block.items for line in wrapped(block.bullet + item, inner, block.hang)]
-    return [block.title] * bool(block.title and made) + [indent + line for line in made]
+    title = wrapped(block.title, width) if block.title and made else []
+    return title + [indent + line for line in made]
 
 
 # a number that stays in one line with its symbol, its 95 % interval and its unit
@@ -70,6 +74,20 @@ def wrapped(text: str, width: int | None = WIDTH, hang: str = "  ") -> list[str]
     whole = WHOLE_NUMBER.sub(lambda match: match[0].replace(" ", _KEPT), text)
     lines = textwrap.wrap(whole, width, subsequent_indent=hang, break_on_hyphens=False) or [""]
     return [line.replace(_KEPT, " ") for line in lines]
+
+
+def _records(table: Table, width: int) -> list[str]:
+    """A row as a paragraph: its first cell, and each further one after the name of its column."""
+    out = []
+    for name, *cells in (
+        [cell if isinstance(cell, str) else " ".join(cell) for cell in row] for row in table.rows
+    ):
+        heads = (head.removeprefix(">").strip() for head in table.head[1:])
+        known = [
+            f"{head} {cell.strip()}".strip() for head, cell in zip(heads, cells, strict=True) if cell.strip()
+        ]
+        out += wrapped(f"{name.rstrip()}: {', '.join(known)}", width, "    ")
+    return [*out, *(line for note in table.notes for line in wrapped(note, width))]
 
 
 def _rows(table: Table) -> list[str]:

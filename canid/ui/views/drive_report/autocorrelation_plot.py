@@ -32,7 +32,7 @@ def autocorrelation_plot(name: str, correlation: Autocorrelation, tests: Residua
         {"range": [0.0, float(correlation.lag[-1] + correlation.lag[0] / 2)]},
         ordinate,
     )
-    outside = f"{int(beyond.sum())} of {len(correlation.r)} lags are beyond it"
+    outside = f"{int(beyond.sum())} of {len(correlation.r)} bars reach beyond"
     tested = ""
     if tests is not None and tests.statistic == tests.statistic:
         tested = (
@@ -42,9 +42,9 @@ def autocorrelation_plot(name: str, correlation: Autocorrelation, tests: Residua
     figure = Figure(
         name,
         "Is the residual white?",
-        f"Dashed: ±{number(correlation.bound)}, which white noise exceeds at one lag in a hundred; {outside}.{tested}",
+        f"Dashed: ±{number(correlation.bound)}, which white noise exceeds at one bar in a hundred; {outside}.{tested}",
         f"Bars of the residual's autocorrelation over {len(correlation.r)} lags up to "
         f"{number(float(correlation.lag[-1]))} s, with bounds",
     )
-    titles = ("lag (s)", "")
+    titles = ("time between the samples (s)", "")
     return grid(figure, [tile], titles, HEIGHT_PX, shapes=shapes, bargap=0.4)

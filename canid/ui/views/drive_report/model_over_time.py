@@ -61,7 +61,7 @@ def model_over_time(
         caption = (
             f"The model of {series.estimator.upper()} is simulated from the inputs alone, never from past values of the "
             f"output: fit {fit_text(fit_percent)}, residual {number(rms(left), unit)} rms over the "
-            f"{number(float(series.used.sum()) * _step(series.t), 's')} that are used."
+            f"{number(float(series.used.sum()) * _step(series.t), 's')} for which the model has the inputs before."
         )
     shapes = unused(trace)
     if shapes:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.analysis.drive import identification_verdict
 from canid.mathematics.estimators import step_watch
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import Flags, drive_time
@@ -22,9 +21,9 @@ from canid.ui.views.drive_report import gates
 from canid.ui.views.drive_report.estimates_over_time import estimates_over_time
 from canid.ui.views.drive_report.replay_record import ReplayRecord
 from canid.ui.views.drive_report.strips import Stretch, joined, strips
-from canid.ui.views.end_summary import EstimateTally, estimates
+from canid.ui.views.end_summary import EstimateTally, answer, by_estimator
 from canid.values.text import estimate_text
-from canid.values.text.names import capitalised, readable
+from canid.values.text.names import capitalised, method, readable
 from canid.values.text.numbers import clock, number, role_unit
 from canid.values.types import (
     TASK_INPUTS,
@@ -77,9 +76,9 @@ def page(log: ReplayedLog) -> str:
     ]
     # steps of the gains, each once
     changes = [step_watch.says(e.change) for e in record.estimates if e.change is not None and e.change.new]
-    known = doc.Listing(estimates(tally, log.output)) if tally.statuses else "No estimate came."
+    known: list[doc.Block] = [*by_estimator(tally, log.output)] or ["No estimate came."]
     sections = [
-        doc.Section("estimates", "Estimates", [known, doc.Listing(changes), states, *drawn]),
+        doc.Section("estimates", "Estimates", [*known, doc.Listing(changes), states, *drawn]),
         doc.Section("monitor", "Monitor and findings", [_monitor(record.monitor), gates.findings(findings)]),
         doc.Section("signals", "Signals", [f"{signal_text.time(time)}.", _signals(log, t, span)]),
         doc.Section("events", "Events and marks", _events(record.events), "Events"),
@@ -89,7 +88,7 @@ def page(log: ReplayedLog) -> str:
 
 
 _CAPTION = (
-    "fopdt, armax: the status of each estimator; headline: whose estimate is the one to quote; monitor: do the learned "
+    "FOPDT, ARMAX: the status of each estimator; headline: whose estimate is the one to quote; monitor: do the learned "
     "models still fit; gate: what is learned from, and why not."
 )
 
@@ -123,19 +122,15 @@ def _verdict(
         why = Counter(e.says for e in tally.last.values()).most_common(1)
         reason = why[0][0] if why else "no sample came"
         return "nothing", _TITLES["nothing"], f"At the end: {reason}. {used}"
-    known = "; ".join(
-        f"{readable(name)}: {said}"
-        for name, c in headline.channels.items()
-        if (said := identification_verdict.quoted(name, c, output))
-    )
-    known = capitalised(known)
+    known = answer(tally, output)
     missing = estimate_text.all_missing(headline.channels, output)
+    last = f"last headline estimate, {method(headline.estimator)} at {headline.t:.0f} s"
     whole = all(c.status is Identifiable.OK for c in headline.channels.values())
     kind = ("identified" if whole else "partly") if known else "nothing"
     return (
         kind,
         _TITLES[kind],
-        f"{known or 'No number may be quoted'} (last headline estimate, {headline.estimator} at {headline.t:.0f} s). "
+        f"{known or f'No number may be quoted ({last}).'} "
         f"{f'{capitalised(missing)}. ' if missing else ''}{used}",
     )
 
@@ -148,7 +143,7 @@ def _states(log: ReplayedLog, t: Array, learn: Flags, end: float) -> list[Stretc
         {e.estimator for e in record.estimates}, key=lambda estimator: (estimator != "fopdt", estimator)
     ):
         at = [(e.t, readable(e.status.value)) for e in record.estimates if e.estimator == name]
-        out += joined(name, at, end)
+        out += joined(method(name), at, end)
     out += joined("headline", _headlines(record.estimates), end)
     out += joined("monitor", [(report.t, _monitor_state(report)) for report in record.monitor], end)
     out += [
@@ -175,7 +170,7 @@ def _headlines(estimates: Sequence[Estimate]) -> list[tuple[float, str]]:
             standing = e.estimator
         elif e.estimator == standing:
             standing = ""
-        at[e.t] = standing or "none"
+        at[e.t] = method(standing) or "none"
     return list(at.items())
 
 

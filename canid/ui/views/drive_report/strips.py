@@ -22,13 +22,13 @@ STYLES: Mapping[str, tuple[str, str]] = {
     "learning": ("bar", "/"),
     "not excited": ("rival", "\\"),
     "no lead": ("grid", ""),
-    "no driver": ("grid", "x"),
+    "no driver": ("bar", "x"),
     "stale": ("before", "x"),
     "inconsistent": ("bad", "+"),
     "misfit": ("bad", "+"),
     "finding": ("bad", "/"),
-    "armax": ("before", ""),
-    "fopdt": ("after", ""),
+    "ARMAX": ("before", ""),
+    "FOPDT": ("after", ""),
     "none": ("grid", ""),
 }
 # of other states, in the order in which they come: each figure has its own, and no two of its legend are alike
@@ -55,8 +55,8 @@ def joined(row: str, at: Sequence[tuple[float, str]], end: float) -> list[Stretc
         end: s, of the last one.
 
     Example:
-        >>> joined("fopdt", [(0.0, "converging"), (1.0, "ok"), (2.0, "ok")], 3.0)[1]
-        Stretch(row='fopdt', state='ok', start=1.0, stop=3.0)
+        >>> joined("FOPDT", [(0.0, "converging"), (1.0, "ok"), (2.0, "ok")], 3.0)[1]
+        Stretch(row='FOPDT', state='ok', start=1.0, stop=3.0)
     """
     out: list[Stretch] = []
     for t, state in at:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from canid.ui.views.document.document import Table
 from canid.ui.views.notebook.fragment import bar, fragment, scale
 from canid.values.text import estimate_text
-from canid.values.text.names import SYMBOLS, readable
+from canid.values.text.names import SYMBOLS, method, readable
 from canid.values.text.numbers import gain_unit, interval
 from canid.values.types import QUOTED, Channel, Estimate, Identifiable, Interval, Status
 
@@ -59,5 +59,7 @@ def estimate_html(estimate: Estimate) -> str:
     mark = ", headline" if estimate.headline else ""
     shown = channel_table(estimate.channels) if estimate.status is Status.OK else None
     return fragment(
-        f"{estimate.estimator} at {estimate.t:.1f} s: {estimate.status.value}{mark}", estimate.says, shown
+        f"{method(estimate.estimator)} at {estimate.t:.1f} s: {estimate.status.value}{mark}",
+        estimate.says,
+        shown,
     )

@@ -14,6 +14,7 @@ from canid.ui.views.notebook.channel_rows import channel_table
 from canid.ui.views.notebook.fragment import fragment
 from canid.ui.views.notebook.trace_fragment import trace_blocks, trace_charts, trace_html
 from canid.values.text import estimate_text
+from canid.values.text.names import method
 from canid.values.types import Estimate, Status
 
 
@@ -28,7 +29,7 @@ def drive_html(drive: Drive) -> Markup:
     problems = Listing(_problems(drive.health))
     if not good:
         return trace_html(drive.trace) + fragment("", Listing(_last(drive)), problems)
-    shown = [fragment(f"{e.estimator}, at {e.t:.1f} s", channel_table(e.channels)) for e in good]
+    shown = [fragment(f"{method(e.estimator)}, at {e.t:.1f} s", channel_table(e.channels)) for e in good]
     title = f"Drive: {len(drive.estimates)} estimates"
     return fragment(title, trace_charts(drive.trace), *shown, problems)
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from canid.ui.terminal.spans import Line, Span, packed, wrapped
 from canid.ui.views.terminal_view.state import View
 from canid.values.text import estimate_text
-from canid.values.text.names import HEADLINE_MARK, readable
-from canid.values.text.numbers import clock, gain_unit
+from canid.values.text.names import HEADLINE_MARK, method, readable
+from canid.values.text.numbers import clock, gain_unit, number
 from canid.values.types import Channel, Estimate, Identifiable, Status
 
 STYLES = {
@@ -55,7 +55,7 @@ def head(n: Numbers, columns: int) -> list[Line]:
     items: list[Line] = [
         (
             Span(mark, "bold green"),
-            Span(n.now.estimator, "bold"),
+            Span(method(n.now.estimator), "bold"),
             Span("  "),
             Span(status.value, STYLES[status]),
         )
@@ -65,7 +65,7 @@ def head(n: Numbers, columns: int) -> list[Line]:
     elif n.now.headline:
         items.append((Span("headline estimate" if columns >= ALIGNED_FROM_COLUMNS else "headline", "green"),))
     if n.shown.fit_percent == n.shown.fit_percent:
-        items.append((Span(f"fit {n.shown.fit_percent:.0f} %", "dim"),))
+        items.append((Span(f"fit {number(n.shown.fit_percent, '%', 2)}", "dim"),))
     if n.shown.used == n.shown.used and columns >= SPACIOUS_FROM_COLUMNS:
         items.append((Span(f"from {n.shown.used:.0f} s", "dim"),))
     return packed(items, columns)
