@@ -62,7 +62,8 @@ _MAX_EARLY_EVENTS = 1000
 # Digits of a time; those of logs have up to twenty, and Python converts no more than 4,300.
 _MAX_TIME_DIGITS = 100
 # lines with a name for an id that may be damage, before the first frames; and others' ids may be names in such a log: ABBA
-_MAX_NAMES = 2
+# and how many there have to be for each frame
+_MAX_NAMES, _SHARE_OF_NAMES = 2, 0.2
 _NAMES_REMEDY = (
     "log ids instead of symbolic names, or write a .blf, which has ids, or name their database by --dbc"
 )
@@ -189,7 +190,8 @@ class _Reading:
                 parsed = parse(words, header.base, item, header.fd_base or 16)
             except ValueError as error:
                 names += isinstance(error, NamedMessage)
-                if names > _MAX_NAMES and not self._count.read:
+                frames = len(singles.frames) + int(fixed.found[:k].sum())
+                if names > _MAX_NAMES and names >= _SHARE_OF_NAMES * frames and not self._count.read:
                     says = f"{self._path}: line {item.number}: {error}: {_NAMES_REMEDY}"
                     raise SymbolicLogError(says) from None
                 misses.append((item, str(error) if isinstance(error, Bad) else "it is no frame"))
