@@ -179,7 +179,6 @@ def test_a_list_of_frames_in_any_language_is_neither_damaged_nor_a_table(
     ("suffix", "says"),
     [
         (".xlsx", "save the sheet as CSV"),
-        (".xml", "xml2csv.py"),
         (".mat", "canid.from_arrays"),
         (".xyz", ".vbo"),
     ],

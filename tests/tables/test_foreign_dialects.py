@@ -225,6 +225,8 @@ def test_lines_that_end_with_a_return_alone_are_named(tmp_path: Path) -> None:
         (b"\xfd7zXZ\x00\x00\x04", "compressed by xz: unpack it"),
         (b"\x28\xb5\x2f\xfd\x24", "compressed by zstd: unpack it"),
         (b"BZh91AY&SY", "compressed by bzip2: unpack it"),
+        (b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "is a MATLAB file"),
+        (b"\x89HDF\r\n\x1a\n\0\0", "is an HDF5 file"),
         (b"7z\xbc\xaf\x27\x1c\x00\x04", "7-Zip archive: unpack it"),
     ],
 )

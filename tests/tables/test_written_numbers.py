@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from canid.analysis.tables.source import NO_NUMBER, number
-from canid.analysis.tables.table import open_table
+from canid.analysis.tables.table import open_table, trace_of
 from tests.tables.test_times import _Drive, at, drive, frames, last, opened
 
 _START = datetime(2026, 8, 5, 8, 58, 20, 500_000, tzinfo=UTC)
@@ -176,3 +176,19 @@ def test_whole_numbers_of_a_pedal_without_a_unit_are_said(tmp_path: Path, scale:
     stated = path.read_text(encoding="utf-8").replace("pedal", "pedal [%]", 1)
     path.write_text(stated, encoding="utf-8")
     assert not any("where they are counts" in note for note in open_table(path).notes)
+
+
+@pytest.mark.parametrize("heading", ["pedal [%]", "pedal"])
+def test_a_pedal_that_never_exceeds_1_is_a_fraction(tmp_path: Path, seed: int, heading: str) -> None:
+    """As spreadsheets hold what they show in %: 0.21 under a heading that states %."""
+    rows = drive(seed)
+    tables = []
+    for name, head, factor in (("x", heading, 0.01), ("y", "pedal [%]", 1.0)):
+        lines = [
+            f"{t:.1f},{c.rpartition(',')[0]},{float(c.rpartition(',')[2]) * factor:.6f}" for t, c in rows
+        ]
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join([f"time,speed,gap,range_rate,{head}", *lines]) + "\n", encoding="utf-8")
+        tables.append(open_table(path))
+    assert any("taken as a fraction" in note for note in tables[0].notes)
+    np.testing.assert_allclose(*(trace_of(made, 0.1).output for made in tables), rtol=1e-6)

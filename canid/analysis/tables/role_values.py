@@ -118,6 +118,8 @@ def _factor(role: str, origin: Found, known: Array, name: str, notes: list[str])
     wanted = unit_of_role(role)
     if not wanted or not origin.unit:
         return _judged(role, known, name, notes) if origin.unit is None else 1.0
+    if role == "pedal" and origin.unit == "%" and known.size and np.nanmax(np.append(known, 0.0)) <= FRACTION:
+        return _judged(role, known, name, notes)  # as spreadsheets hold what they show in %
     unit = "m/s" if origin.unit == "ms" and wanted == "m/s" else origin.unit
     factor = factor_to(unit, wanted)
     if factor is None:

@@ -91,7 +91,13 @@ def of_speed(t: Array, speed: Array, rate: Array | None) -> str:
     if v.size and (high := float(np.quantile(v, _SPEED_SHARE))) > _MAX_SPEED:
         return f"5 % of its values are above {high:.3g}, in m/s {3.6 * high:.0f} km/h"
     power = v * slope(times, v, ACCEL_WIDTH_S)
-    power = power[np.isfinite(power)]
+    there = np.isfinite(power)
+    # which lasts for two such times: a wrong value goes up and down within one
+    power = (
+        np.minimum(power[there], np.interp(times[there] + ACCEL_WIDTH_S, times[there], power[there]))
+        if there.any()
+        else power[there]
+    )
     if power.size and (most := float(np.quantile(power, _POWER_SHARE))) > _MAX_POWER:
         return f"its changes take {most:.0f} W/kg in 1 % of the time if it is in m/s"
     return "" if rate is None else _standing(times, v, rate[known])

@@ -22,6 +22,8 @@ _OTHERS = (
     (b"\xfd7zxz\x00", "is compressed by xz: unpack it, or compress it by gzip, which is read"),
     (b"\x28\xb5\x2f\xfd", "is compressed by zstd: unpack it, or compress it by gzip, which is read"),
     (b"bzh91ay&sy", "is compressed by bzip2: unpack it, or compress it by gzip, which is read"),
+    (b"matlab 5.0", "is a MATLAB file: write its columns as .csv, by writetable"),
+    (b"\x89hdf\r\n\x1a\n", "is an HDF5 file (.h5, MATLAB 7.3): write its columns as .csv or .parquet"),
     (b"7z\xbc\xaf\x27\x1c", "is a 7-Zip archive: unpack it"),
 )
 

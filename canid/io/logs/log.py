@@ -221,7 +221,6 @@ def _hand_over(unjudged: list[Note] | None, notes: list[Note] | None, copies: Co
 # how measurements in other files become tables
 _AS_TABLE = {
     (".xlsx", ".xls", ".xlsm", ".ods", ".numbers"): ": save the sheet as CSV",
-    (".xml",): ": SUMO's xml2csv.py writes an fcd-output as CSV",
     (
         ".json",
         ".jsonl",

@@ -50,8 +50,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--columns",
         metavar="MAP",
-        help="which column is which: a TOML file with [columns], or one of citysim, follownet, highd, lyft, ngsim, openacc, "
-        "openpilot, sumo, ultra_av, waymo",
+        help="which column is which: a TOML file with [columns], or one of citysim, exid, follownet, highd, lyft, ngsim, "
+        "openacc, openpilot, sumo, ultra_av, waymo",
     )
     group.add_argument(
         "--where",
