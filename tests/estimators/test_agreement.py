@@ -242,6 +242,6 @@ def test_steering_is_read_from_armax():
         ("armax", Status.OK, True),
         ("fopdt", Status.INCONSISTENT, False),
     }
-    assert "use armax" in late[-1].says
+    assert "use ARMAX" in late[-1].says
     alone = listen([says(t, "fopdt", -0.6, -0.4, **lane)] for t in TIMES)
     assert not any(e.headline for e in alone)

@@ -52,8 +52,8 @@ def test_disjoint_gains_are_quoted_by_neither() -> None:
     assert one.status is other.status is Identifiable.NOT
     assert band(0.13, 0.19) == one.K
     assert "0.16 [0.13, 0.19] by FOPDT but 0.24 [0.20, 0.28] by ARMAX" in says
-    assert "fopdt needs" in says
-    assert "armax needs" in says
+    assert "FOPDT needs" in says
+    assert "ARMAX needs" in says
 
 
 def test_disjoint_sums_leave_the_gains() -> None:
