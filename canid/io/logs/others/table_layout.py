@@ -130,7 +130,8 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             "in its header"
         )
     data_at = next((k for k in roles.get("data", ()) if _octets(cell.column(k)) is not None), -1)
-    each = tuple(octets[n] for n in sorted(octets)) if len(octets) > 1 and min(octets) < 2 else ()
+    named_bytes = len(octets) > 1 or (octets and program.header)
+    each = tuple(octets[n] for n in sorted(octets)) if named_bytes and min(octets) < 2 else ()
     if data_at < 0 and not each:
         raise refused("no column of it has bytes of data")
     tail = data_at == len(names) - 1 and any(len(row) > len(names) and row[len(names)] for row in rows)
