@@ -97,7 +97,7 @@ def test_a_gain_with_more_left_over_than_it_gives_is_not_quoted() -> None:
     mine = {NAME: Channel(band(0.10, 0.22), status=Identifiable.GAIN_ONLY)}
     left, why, _ = diagnosed(mine, made, None)
     assert not quotable(left[NAME], "K")
-    assert "the residuals of fopdt still hold a response of 125 %" in why[0]
+    assert "the residuals of FOPDT still hold a response of 125 %" in why[0]
     # a cause may be what they hold
     assert diagnosed(mine, made, mine) == (mine, (), ())
     # less than that withholds delays alone

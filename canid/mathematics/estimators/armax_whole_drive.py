@@ -22,7 +22,7 @@ from canid.mathematics.identification.armax import (
 from canid.mathematics.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.mathematics.identification.armax.box_jenkins import BoxJenkinsFit
 from canid.mathematics.identification.armax.simulated_fit import armax_fit_percent
-from canid.mathematics.identification.identifiability import gain_only
+from canid.mathematics.identification.identifiability import gain_only, not_quotable
 from canid.mathematics.identification.output_filter import is_unknown
 from canid.values.types import Array, Channel, LearnGate, ResidualTests, Trace
 
@@ -75,7 +75,7 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
     limited = AT_LIMIT if at_limit and not several else ""
     reasons = (*verdict.refused, *filter(None, (limited, too_slow, late)))
     if reasons:
-        channels = dict.fromkeys(channels, Channel(withheld="; ".join(reasons)))
+        channels = dict.fromkeys(channels, not_quotable(Channel(), "; ".join(reasons)))
     elif at_limit:
         channels = {name: gain_only(channel, DELAYS_AT_LIMIT) for name, channel in channels.items()}
         reasons = (DELAYS_AT_LIMIT,)

@@ -17,6 +17,7 @@ from canid.mathematics.estimators.estimator import Estimator, WholeDrive
 from canid.mathematics.identification import feedback_bias
 from canid.mathematics.identification.fopdt import fopdt_fit, fopdt_residual, grid_search, regression_rows
 from canid.mathematics.identification.fopdt.prior import CHANNELS, Prior, check_prior, incomplete, is_empty
+from canid.mathematics.identification.identifiability import not_quotable
 from canid.mathematics.identification.output_filter import DELAYS_HOLD_IT, is_unknown
 from canid.values.state_constraints import TIME
 from canid.values.types import (
@@ -350,7 +351,7 @@ def identify(trace: Trace, settings: FopdtSettings) -> WholeDrive:
     for name in several:
         channels[name] = channels[name]._replace(withheld=channels[name].withheld or several[name])
     if verdict.refused:
-        channels = dict.fromkeys(channels, Channel(withheld="; ".join(verdict.refused)))
+        channels = dict.fromkeys(channels, not_quotable(Channel(), "; ".join(verdict.refused)))
     unknown = DELAYS_HOLD_IT if is_unknown(settings.output_filter) else ""
     lines = tuple(
         filter(None, (*verdict.refused, *several.values(), *verdict.remarks, form.says, left, unknown))

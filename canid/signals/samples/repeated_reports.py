@@ -101,6 +101,7 @@ def separate(
         decoded: a chunk.
         t: (n,) s, of its frames.
 
+    >>> import numpy as np
     >>> t = 0.02 * np.arange(1000)
     >>> gap = np.random.default_rng(1).standard_normal(300)[(t / 0.07 + 1e-6).astype(int)]
     >>> _, left = separate({}, Decoded((RoleReadings("gap", np.arange(1000), gap),), (), ()), t)

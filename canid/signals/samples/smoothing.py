@@ -266,7 +266,7 @@ def step(
         >>> for k in range(20):
         ...     state, smoothed, changed = step(state, k * 0.05, 30.0 + k * 0.05, 1.0, Noise())
         >>> round(smoothed[0].gap, 2), round(smoothed[0].range_rate, 2), changed
-        (30.35, 1.0, False)
+        (30.4, 1.0, False)
     """
     if gap != gap and (range_rate != range_rate or not state.history):
         return state, [], False

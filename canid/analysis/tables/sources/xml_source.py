@@ -20,6 +20,7 @@ from canid.io.logs.text_lines import Line, LineCount, lines
 from canid.values.errors import DamagedLogError, LogError
 
 _ROOT = "<fcd-export"
+_COMMENT, _STEP_BEGIN = re.compile("<!--"), re.compile("<timestep")
 _STEP = re.compile(r'<timestep\s+time="(?P<time>[^"]*)"')
 _VEHICLE = re.compile(r'<vehicle(?P<attributes>(?:\s+[\w:.-]+="[^"]*")+)\s*/?>')
 _ATTRIBUTE = re.compile(r'([\w:.-]+)="([^"]*)"')
@@ -77,7 +78,7 @@ class XmlSource:
                 text = line.text.strip()
                 if not text.isascii():
                     text = text.encode("latin-1").decode("utf-8", "replace")
-                if comment or text.startswith("<!--"):
+                if comment or _COMMENT.match(text):
                     comment = "-->" not in text
                     count.others[OTHERS] += 1
                     continue
@@ -85,7 +86,7 @@ class XmlSource:
                     time = step["time"]
                 vehicles = [dict(_ATTRIBUTE.findall(each["attributes"])) for each in _VEHICLE.finditer(text)]
                 if len(vehicles) < text.count("<vehicle ") or not (vehicles or step or _OTHER.match(text)):
-                    time = "" if text.startswith("<timestep") else time
+                    time = "" if _STEP_BEGIN.match(text) else time
                     count.miss(Line("", line.number, line.whole, line.begin, line.end), "it is damaged")
                     continue
                 count.others[OTHERS] += not vehicles
