@@ -193,7 +193,7 @@ def _status(drives: int, weeks: float, tested: bool) -> str:
     if tested:
         return ""
     if drives < MIN_DRIVES:
-        return f"of {drives} drives the date is known, and a change needs {MIN_DRIVES} or more"
+        return f"a driver's change needs {MIN_DRIVES} or more drives whose dates are known, here {drives}"
     if not weeks >= MIN_WEEKS:
         span = "one day" if 7.0 * weeks < 1.0 else f"{7.0 * weeks:.0f} days"
         return f"all drives are of {span}, and a change needs a week or more"

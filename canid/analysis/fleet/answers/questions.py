@@ -110,8 +110,15 @@ def pairs(table: DriveTable, pool: Population) -> Questions:
         )
     return Questions(
         "which pairs of drivers differ?", "pairs of drivers differ", len(tested), different, RATE, tuple(tests),
-        "; ".join(says), f"{different:,} of {len(tested):,} pairs of drivers differ" if len(tested) else "",
+        "; ".join(says), _how_many(different, len(tested), unknown),
     )  # fmt: skip
+
+
+def _how_many(different: int, tested: int, unknown: int) -> str:
+    if not tested:
+        return ""
+    counted = f"{different:,} of {tested:,} pairs of drivers differ"
+    return f"{counted}; {unknown:,} would need more drives to be separated" if unknown else counted
 
 
 def between_groups(table: DriveTable, names: Sequence[str], what: str, kind: Kind) -> Questions:
