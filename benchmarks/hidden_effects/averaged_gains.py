@@ -3,8 +3,8 @@
     python -m benchmarks.hidden_effects.averaged_gains [--drives 36] [--first-seed 7000] [--workers 1]
 
 Each seed is a driver behind a lead and one who keeps the lane, and each of them drives twice: with a cause planted, and
-clean. Counted are the gains K that an estimator may quote, and those of them that hold the driver's: as the estimators
-alone leave them, and after `models/diagnosis/averaged_gain.py`.
+clean. Counted are the gains K and sums τ + θ that an estimator may quote, and those of them that hold the driver's: as the
+estimators alone leave them, and after `models/diagnosis/causes_not_excluded.py`, which widens intervals and withholds some.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from benchmarks.hidden_effects.first_sentence import PLANTED
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.estimators.whole_drive import estimates
 from canid.mathematics.identification.identifiability import quotable
-from canid.models.diagnosis import averaged_gain
+from canid.models.diagnosis import causes_not_excluded
 from canid.signals.signal_checks.drive_time import fitted_trace
-from canid.values.types import Array, Trace
+from canid.values.types import Array, Channel, Trace
 from tests.plants import plant_one, plant_two
 from tests.plants.lane_drives import CLEAN, EFFECTS, SIMULATORS, LaneDrive, make
 from tests.plants.measurement import trace
@@ -40,19 +40,22 @@ GROUPS = (
 )
 
 
-class Gain(NamedTuple):
-    """A gain that an estimator alone may quote."""
+class Quoted(NamedTuple):
+    """A number that an estimator alone may quote."""
 
     kind: str  # what was planted
     estimator: str
+    what: str  # "K", "tau_plus_dead_time"
     holds: bool
     left: bool  # quoted still
+    holds_then: bool
+    wider: float  # factor on the width of its interval
 
 
 class Driven(NamedTuple):
     """The drives of one seed."""
 
-    gains: tuple[Gain, ...]
+    quoted: tuple[Quoted, ...]
     cpu: tuple[float, float]  # s behind a lead: the estimators, and the causes
 
 
@@ -64,27 +67,32 @@ def run(seed: int) -> Driven:
     planted = float(rng.uniform(weakest, strongest))
     plant = (plant_one, plant_two)[seed // len(PLANTED) % 2]
     noise = str(rng.choice(("white", "ar1", "mix")))
-    gains, cpu = list[Gain](), np.zeros(2)
+    quoted, cpu = list[Quoted](), np.zeros(2)
     cases: dict[str, dict[str, dict[str, float]]] = {effect: {effect: {name: planted}}, BEHIND_LEAD: {}}
     for kind, effects in cases.items():
         made = plant.plant(effects, seed=seed, minutes=10.0, noise=noise, profile="mixed")
         driver = made.truth["driver"]
-        found, took = judged(kind, trace(made), {"headway_error": driver["K1"], "range_rate": driver["K2"]})
-        gains, cpu = gains + found, cpu + took
+        truth = {
+            (name, what): sum(driver[part + k] for part in parts)
+            for k, name in (("1", "headway_error"), ("2", "range_rate"))
+            for what, parts in (("K", ("K",)), ("tau_plus_dead_time", ("tau", "dead_time")))
+        }
+        found, took = judged(kind, trace(made), truth)
+        quoted, cpu = quoted + found, cpu + took
     in_lane = EFFECTS[seed % len(EFFECTS)]
     for kind, hidden in ((f"{in_lane}, in the lane", in_lane), (IN_LANE, CLEAN)):
         drive = make(LaneDrive(SIMULATORS[seed // len(EFFECTS) % 2], hidden, seed))
-        gains += judged(kind, drive.trace, {"lateral_offset": drive.gain})[0]
-    print(f"{seed} {effect} {planted:.3g}, {in_lane}: {gains}", file=sys.stderr, flush=True)
-    return Driven(tuple(gains), (float(cpu[0]), float(cpu[1])))
+        quoted += judged(kind, drive.trace, {("lateral_offset", "K"): drive.gain})[0]
+    print(f"{seed} {effect} {planted:.3g}, {in_lane}: {quoted}", file=sys.stderr, flush=True)
+    return Driven(tuple(quoted), (float(cpu[0]), float(cpu[1])))
 
 
-def judged(kind: str, drive: Trace, truth: Mapping[str, float]) -> tuple[list[Gain], Array]:
-    """Identify a drive: the gains that an estimator alone may quote, and CPU time of estimators and causes, s."""
+def judged(kind: str, drive: Trace, truth: Mapping[tuple[str, str], float]) -> tuple[list[Quoted], Array]:
+    """Identify a drive: the numbers that an estimator alone may quote, and CPU time of estimators and causes, s."""
     begin = time.process_time()
     alone = estimates(fitted_trace(drive), drive, {})
     between = time.process_time()
-    left = averaged_gain.without_averages(alone, drive)
+    left = causes_not_excluded.averaged_over(alone, drive)
     cpu = np.array([between - begin, time.process_time() - between])
     return list(counted(kind, alone, left, truth)), cpu
 
@@ -93,33 +101,45 @@ def counted(
     kind: str,
     alone: Mapping[str, WholeDrive | None],
     left: Mapping[str, WholeDrive | None],
-    truth: Mapping[str, float],
-) -> Iterator[Gain]:
-    """The gains of one drive that an estimator alone may quote."""
+    truth: Mapping[tuple[str, str], float],
+) -> Iterator[Quoted]:
+    """The numbers of one drive that an estimator alone may quote."""
     for name, result in alone.items():
         after = left[name]
-        for key, channel in result.channels.items() if result is not None and after is not None else ():
-            if quotable(channel, "K"):
-                holds = channel.K.low <= truth[key] <= channel.K.high
-                yield Gain(kind, name, holds, quotable(after.channels[key], "K"))
+        for (key, what), true in truth.items() if result is not None and after is not None else ():
+            before, then = result.channels.get(key, Channel()), after.channels.get(key, Channel())
+            if quotable(before, what):
+                narrow, wide = getattr(before, what), getattr(then, what)
+                holds, holds_then = (iv.low <= true <= iv.high for iv in (narrow, wide))
+                wider = (wide.high - wide.low) / (narrow.high - narrow.low)
+                yield Quoted(kind, name, what, holds, quotable(then, what), holds_then, wider)
 
 
 def table(found: Sequence[Driven]) -> list[str]:
-    """A row for each planted effect and estimator."""
-    gains = [gain for drive in found for gain in drive.gains]
+    """A row for each planted effect, parameter and estimator."""
+    numbers = [number for drive in found for number in drive.quoted]
     lines = [
-        "| planted | estimator | K holds, estimators alone | K holds, of what may be quoted | withheld though it holds |",
-        "|---|---|---|---|---|",
+        "| planted | of | estimator | holds, estimators alone | holds, of what may be quoted | withheld though it holds "
+        "| wider, median and 90 % |",
+        "|---|---|---|---|---|---|---|",
     ]
     for label, kinds in GROUPS.items():
-        for estimator in sorted({gain.estimator for gain in gains}):
-            these = [gain for gain in gains if gain.kind in kinds and gain.estimator == estimator]
+        for what, estimator in sorted({(number.what, number.estimator) for number in numbers}):
+            these = [n for n in numbers if n.kind in kinds and (n.what, n.estimator) == (what, estimator)]
             if not these:
                 continue
-            quoted = [gain for gain in these if gain.left]
-            lost = sum(gain.holds and not gain.left for gain in these)
-            shares = " | ".join(f"{sum(gain.holds for gain in some)}/{len(some)}" for some in (these, quoted))
-            lines.append(f"| {label.replace('_', ' ')} | {estimator} | {shares} | {lost} |")
+            left = [number for number in these if number.left]
+            lost = sum(number.holds and not number.left for number in these)
+            wider = (
+                ", ".join(f"{x:.2f}" for x in np.quantile([n.wider for n in left], (0.5, 0.9)))
+                if left
+                else ""
+            )
+            lines.append(
+                f"| {label.replace('_', ' ')} | {'K' if what == 'K' else 'τ + θ'} | {estimator} "
+                f"| {sum(n.holds for n in these)}/{len(these)} | {sum(n.holds_then for n in left)}/{len(left)} | {lost} "
+                f"| {wider} |"
+            )
     alone, causes = (sum(drive.cpu[k] for drive in found) / max(2 * len(found), 1) for k in (0, 1))
     lines.append("")
     lines.append(

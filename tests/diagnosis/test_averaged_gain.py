@@ -6,7 +6,7 @@ import pytest
 
 from canid.analysis.drive.drive_parameters import identify
 from canid.mathematics.identification.identifiability import quotable
-from canid.models.diagnosis import averaged_gain
+from canid.models.diagnosis import causes_not_excluded
 from canid.signals.samples.trace_assembly import part
 from canid.values.types import Trace
 from tests import seeds
@@ -47,7 +47,7 @@ def test_a_clean_drive_keeps_its_gains(seed: int) -> None:
 
 def test_too_short_a_drive_shows_no_cause() -> None:
     given, _ = drive(5, {"looming_gain": {"exponent": 1.0}}, 0)
-    assert averaged_gain.shown(part(given, slice(0, round(60.0 / given.dt)))) == ()
+    assert causes_not_excluded.shown(part(given, slice(0, round(60.0 / given.dt)))) == ()
 
 
 @seeds.mostly(0.8)

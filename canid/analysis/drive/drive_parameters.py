@@ -23,7 +23,7 @@ from canid.mathematics.identification.armax.armax_batch import ArmaxFit
 from canid.mathematics.identification.armax.order_selection import Candidate
 from canid.mathematics.systems.drive_responses import DriveResponses, drive_responses
 from canid.mathematics.systems.identified_loop import IdentifiedLoop, identified_loop
-from canid.models.diagnosis import averaged_gain
+from canid.models.diagnosis import causes_not_excluded
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import fitted_trace, of_trace
 from canid.signals.signal_checks.output_ends import OutputEnd, reached
@@ -154,7 +154,7 @@ def identify(
         )
     fitted = fitted_trace(trace)
     identified = _whole_drive(fitted, trace, settings)
-    whole = averaged_gain.without_averages(identified.whole, trace)
+    whole = causes_not_excluded.averaged_over(identified.whole, trace)
     rows = pooling.pooled(fitted)
     ready = rows.learn & np.isfinite(rows.output) & np.isfinite(rows.inputs).all(axis=1)
     return identified._replace(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from scipy.stats import chi2
@@ -14,12 +15,23 @@ from canid.mathematics.identification.movement_rhythm import RHYTHM_STEP_HZ
 from canid.models.diagnosis.driver import local_minima, spectral_line
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
-from canid.models.diagnosis.driver.driver_model import HIGH, K1, K2, SCALE, TAU1, TAU2, THETA1, THETA2
+from canid.models.diagnosis.driver.driver_model import (
+    BASE,
+    HIGH,
+    K1,
+    K2,
+    LOW,
+    SCALE,
+    TAU1,
+    TAU2,
+    THETA1,
+    THETA2,
+)
 from canid.models.diagnosis.driver.model_averaging import Alternative, Spread, averaged
 from canid.models.diagnosis.fitting.search import Named
 from canid.models.diagnosis.fitting.uncertainty import inflation, of_effect, sandwich, widened
 from canid.models.effects.effect import Detector, Kind
-from canid.values.types import NAN, Channel, Interval
+from canid.values.types import NAN, Array, Channel, Interval
 
 # A sandwich from one drive is too narrow, most for delays: a radar and a bus have some of their own, and the split into
 # lag and dead time is no parabola. By how much was measured on 188 clean drives of two simulators that are not canid's:
@@ -50,7 +62,7 @@ def parameters(solved: FittedDriver, data: DriverData, only: str = "") -> dict[s
             continue
         by = GAINS_WIDER if effect.dead_time is None else DELAYS_WIDER
         by = max(by, CAUSES_WIDER) if math.isfinite(solved.noise.freedom) else by
-        intervals = of_effect(data, solved, effect, by)
+        intervals = of_effect(data, solved, effect, by, other_delays)
         for k in local_minima.change_points(solved.model, effect):
             spread = inflation(solved.fitted, [k], data.output.dt)
             intervals[effect.parameters[k - where.start].name] = local_minima.interval(
@@ -60,6 +72,28 @@ def parameters(solved: FittedDriver, data: DriverData, only: str = "") -> dict[s
             intervals = spectral_line.with_phase_drift(data, solved, where, intervals)
         estimates[effect.id] = intervals
     return estimates
+
+
+def other_delays(q: Array) -> list[Array]:
+    """The same sums of lag and dead time, all of each in the lag or in the dead time: another minimum is mostly there.
+
+    Args:
+        q: (p,) parameters of a model.
+
+    Example:
+        >>> q = np.zeros(len(HIGH))
+        >>> q[[TAU1, THETA1, TAU2, THETA2]] = 0.25, 0.5, 0.375, 0.125
+        >>> [other[[TAU1, THETA1, TAU2, THETA2]].tolist() for other in other_delays(q)[:2]]
+        [[0.75, 0.0, 0.5, 0.0], [0.75, 0.0, 0.0, 0.5]]
+    """
+    out = []
+    for share1, share2 in product((1.0, 0.0), repeat=2):
+        other = q.copy()
+        for tau, theta, share in ((TAU1, THETA1, share1), (TAU2, THETA2, share2)):
+            total = q[tau] + q[theta]
+            other[tau], other[theta] = share * total, (1.0 - share) * total
+        out.append(np.r_[np.clip(other[: len(BASE)], LOW, HIGH), other[len(BASE) :]])
+    return out
 
 
 def channels(

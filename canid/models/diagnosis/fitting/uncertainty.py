@@ -119,6 +119,8 @@ MAX_MOVES, MAX_FACTOR = 3, 3.0
 TOLERANCE = 0.25
 # moves of an end inwards: it may begin far outside
 MOVES_INWARDS = 6
+# how often an end goes on from a lower minimum
+MAX_RESTARTS = 3
 
 
 def widened(
@@ -148,7 +150,11 @@ def widened(
 
 
 def of_effect(
-    data: Columns, solved: FittedModel[M], effect: Effect, wider: float = 1.0
+    data: Columns,
+    solved: FittedModel[M],
+    effect: Effect,
+    wider: float = 1.0,
+    starts: Callable[[Array], Sequence[Array]] = lambda q: (),
 ) -> dict[str, Interval]:
     """Profile likelihood intervals of one effect's parameters, 95 %: name -> interval; change points have none.
 
@@ -157,6 +163,7 @@ def of_effect(
         solved: the best fit.
         effect: of its model.
         wider: by how much the errors of such fits exceed what their likelihood says.
+        starts: other points, for a point of the profile, from which its fit may end in a lower minimum.
     """
     robust, where = sandwich(solved.fitted, data.output.dt), place(solved.model, effect.id)
     at = {k: i for i, k in enumerate(solved.fitted.free)}
@@ -166,30 +173,56 @@ def of_effect(
             i, value = at[k], float(solved.q[k])
             half = wider * SIGMAS * math.sqrt(float(robust.C[i, i]))
             narrow = Interval(value, max(value - half, p.low), min(value + half, p.high))
-            out[p.name] = profiled(data, solved, k, narrow, wider**2 * float(robust.variance_inflation[i]))
+            inflated = wider**2 * float(robust.variance_inflation[i])
+            out[p.name] = profiled(data, solved, k, narrow, inflated, starts)
     return out
 
 
 def profiled(
-    data: Columns, solved: FittedModel[M], k: int, narrow: Interval, variance_inflation: float
+    data: Columns,
+    solved: FittedModel[M],
+    k: int,
+    narrow: Interval,
+    variance_inflation: float,
+    starts: Callable[[Array], Sequence[Array]] = lambda q: (),
 ) -> Interval:
-    """Move both ends to where the likelihood has fallen enough, inwards as well; arguments as of `widened`."""
-    value, model = float(solved.q[k]), solved.model
-    ends = [
-        _crossing(data, solved, k, end, bound, variance_inflation)
-        for end, bound in ((narrow.low, float(model.low[k])), (narrow.high, float(model.high[k])))
-    ]
+    """Move both ends to where the likelihood has fallen enough, inwards as well; arguments as of `widened`, `of_effect`."""
+    value, model, ends = float(solved.q[k]), solved.model, []
+    free = tuple(j for j in solved.fitted.free if j != k)
+    for end, bound in ((narrow.low, float(model.low[k])), (narrow.high, float(model.high[k]))):
+        end = _crossing(data, solved, k, solved.q, end, bound, variance_inflation)
+        for _ in range(MAX_RESTARTS):
+            # a profile is the lowest minimum at each value; the path that led here may have ended in another
+            q = solved.q.copy()
+            q[k] = end
+            others = [solve(data, model, other, solved.noise, solved.rows, free=free) for other in starts(q)]
+            lowest = min(others, key=lambda other: other.deviance, default=None)
+            enough = (1.0 - TOLERANCE) * CHI_SQUARED_QUANTILE * variance_inflation
+            if lowest is None or end == bound or lowest.deviance - solved.deviance >= enough:
+                break
+            end = _crossing(data, solved, k, lowest.q, end, bound, variance_inflation, abs(end - value))
+        ends.append(end)
     return Interval(narrow.value, min(ends[0], value), max(ends[1], value))
 
 
 def _crossing(
-    data: Columns, solved: FittedModel[M], k: int, end: float, bound: float, variance_inflation: float
+    data: Columns,
+    solved: FittedModel[M],
+    k: int,
+    start: Array,
+    end: float,
+    bound: float,
+    variance_inflation: float,
+    inner: float = 0.0,
 ) -> float:
-    """Where the likelihood has fallen enough, by bisection of the root of its fall; the outer end of what is left."""
+    """Where the likelihood has fallen enough, by bisection of the root of its fall; the outer end of what is left.
+
+    `inner`: a distance at which it has not.
+    """
     value, free = float(solved.q[k]), tuple(j for j in solved.fitted.free if j != k)
-    # distances with too small a fall, and with too large a one
-    inner, outer = 0.0, math.inf
-    q, far = solved.q.copy(), abs(bound - value)
+    # distance with too large a fall
+    outer = math.inf
+    q, far = start.copy(), abs(bound - value)
     away, sign = min(abs(end - value), far), math.copysign(1.0, bound - value)
     for _ in range(MOVES_INWARDS):
         if not 1e-9 < away < math.inf:
