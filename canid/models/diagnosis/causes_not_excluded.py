@@ -59,7 +59,9 @@ def averaged_over(whole: Mapping[str, WholeDrive | None], trace: Trace) -> dict[
         whole: estimator -> its result, as `arbitrated` leaves it; None: it has none.
         trace: of the drive, as it was read.
     """
-    some = any(QUOTABLE[each.status] for found in whole.values() if found for each in found.channels.values())
+    some = any(
+        QUOTABLE[each.status] for result in whole.values() if result for each in result.channels.values()
+    )
     others = shown(trace) if some else ()
     return {name: _judged(result, others) if others else result for name, result in whole.items()}
 
@@ -115,10 +117,12 @@ def shown(trace: Trace) -> tuple[Alternative, ...]:
     try:
         lane = trace.input_names == TASK_INPUTS["lane_keeping"]
         catalogue = LANE_CATALOGUE if lane else CATALOGUE
-        found = (_of_lane if lane else _of_following)(given, Settings(catalogue, MINIMUM_S, lambda _: None))
+        by_cause = (_of_lane if lane else _of_following)(
+            given, Settings(catalogue, MINIMUM_S, lambda _: None)
+        )
     except TooLittleError:
         return ()
-    return tuple(each._replace(odds=each.odds / len(catalogue)) for each in found)
+    return tuple(each._replace(odds=each.odds / len(catalogue)) for each in by_cause)
 
 
 def _of_following(given: Trace, settings: Settings) -> tuple[Alternative, ...]:
