@@ -2,8 +2,9 @@
 
     python -m benchmarks live_intervals [--drives 6] [--minutes 8] [--effect WORD] [--whole] [--first-seed 400000]
 
-Drives of two simulators that are not canid's (tests/plants/outside_drives.py). One value per 60 s: FOPDT's windows do not
-overlap, ARMAX's memory is longer. `--whole`: of the whole drive as well. z is in the interval's own standard deviations.
+Drives of two simulators that are not canid's (tests/plants/outside_drives.py). The first value of each estimator in every
+60 s: FOPDT's windows do not overlap, ARMAX's memory is longer. `--whole`: of the whole drive as well. z is in the interval's
+own standard deviations.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ WINDOW_S = 60.0
 NOISES = (0.3, 1.0, 3.0)
 STRENGTHS = (
     ("range rate limited", (0.1, 0.25)),
+    ("range rate limited on one side", (0.25,)),
+    ("gap limited", (0.25,)),
     ("output ends above", (0.25,)),
     ("output ends below", (0.25,)),
     ("output held", (0.2, 0.3)),
@@ -97,8 +100,14 @@ def numbers(job: tuple[str, int], seconds: float, word: str = "", whole: bool = 
             seen = trace(drive)
         except CanidError:
             continue
+        minutes = set[tuple[str, float]]()
         for each in drive_parameters.windows(seen):
-            if each.status is not Status.OK or each.t % WINDOW_S > 1e-3 or each.t < 1.0:
+            # behind a closed gate estimates come at other times than whole minutes
+            minute = each.estimator, (each.t + 1e-3) // WINDOW_S
+            if each.t < WINDOW_S - 1e-3 or minute in minutes:
+                continue
+            minutes.add(minute)
+            if each.status is not Status.OK:
                 continue
             for one in _of(dict(each.channels), drive.truth):
                 out += [put(each.estimator, each.t, one)]

@@ -84,6 +84,34 @@ def test_a_signal_without_a_limit_has_none(noise: float, step: float, seed: int)
         assert np.isnan(marks).all()
 
 
+@pytest.mark.parametrize(("low", "high"), [(-0.6, 0.6), (-0.4, math.inf), (-0.5, 0.8)])
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_nothing_is_learned_at_a_limit_that_is_not_known_yet(
+    low: float, high: float, noise: float, seed: int
+) -> None:
+    """From the third reading in a row on that stands at it, the first stay included."""
+    gap, rate = motion(seed)
+    clipped = np.clip(coarse(rate, noise, 1e-4, seed), low, high)
+    limits, left, marks = limits_of(gap, clipped)
+    known = limits[0][0]
+    at = (clipped == low) | (clipped == high)
+    third = at & np.r_[False, at[:-1]] & np.r_[False, False, at[:-2]]
+    assert third[:known].sum() > 20, "no stay before it is known"
+    assert (marks[:known][third[:known]] == 1.0).mean() > 0.9
+    assert not (marks == 1.0)[~at].any()
+    # it is not left out either: what a check compares it with decides whether it stands still
+    assert not np.isnan(left[:known]).any()
+
+
+@pytest.mark.parametrize("each", [2, 4])
+def test_values_that_a_radar_holds_are_at_no_limit(each: int, seed: int) -> None:
+    """A new extreme that is repeated as every value is."""
+    gap, rate = motion(seed)
+    held = np.repeat(coarse(rate, 0.05, 1e-4, seed)[::each], each)
+    marks = limits_of(gap, held)[2]
+    assert np.isnan(marks).all()
+
+
 def test_a_signal_that_rests_at_its_extreme_is_not_limited() -> None:
     """A lead as fast as before every manoeuvre, and a gap that is held: both are reached without a slope."""
     phase = np.mod(T, 40.0)

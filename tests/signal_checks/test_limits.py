@@ -7,15 +7,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from canid.analysis.drive import drive_parameters, drive_reader
 from canid.analysis.tables.arrays import from_arrays
+from canid.analysis.tables.column_map import ColumnMap
+from canid.analysis.tables.table import open_table
 from canid.models.pipeline import pipeline
 from canid.signals.samples.trace_assembly import trace as assembled
+from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import behind_a_lead, fitted_trace
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.frame_columns import chunks
-from canid.values.types import Driver, LearnGate, Sample, SignalFinding, SignalReport, Trace
+from canid.values.types import (
+    Driver,
+    Estimate,
+    LearnGate,
+    OutputFilter,
+    Sample,
+    SignalFinding,
+    SignalReport,
+    Trace,
+)
 from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, needs_measured
+from tests.plants.outside_drives import drawn_drive, write_table
 from tests.samples.radar import T, frames, vehicle
 from tests.signal_checks.synthetic import DT, Columns, findings, following
 from tests.tables.reading import read_table
@@ -58,6 +72,36 @@ def test_a_limited_range_rate_is_called_limited(low: float, high: float, says: s
     )
     assert trace.learn[known].any()
     assert behind_a_lead(trace.gate).mean() > 0.99
+
+
+@pytest.mark.slow("whole drives through the pipeline")
+def test_a_long_memory_forgets_what_it_learned_of_a_wrong_signal(tmp_path: Path, seed: int) -> None:
+    """ARMAX rests on nothing from before a finding that withholds; the windows of the drive are the live estimates."""
+    driven = drawn_drive("Helly", seed, seconds=200.0)
+    rate = np.clip(np.round(driven.columns["range_rate"], 1), -0.6, 0.6)
+    path = write_table(
+        driven._replace(columns={**driven.columns, "range_rate": rate}), tmp_path / "drive.csv"
+    )
+    unsmoothed = Driver(output="pedal", output_filter=OutputFilter("none"))
+    table = open_table(path, ColumnMap(driver=unsmoothed))
+    live = {
+        (item.estimator, round(item.t, 6)): item
+        for _, _, out in drive_reader.run(table.log, table.vehicle)
+        for item in out
+        if isinstance(item, Estimate)
+    }
+    trace = drive_reader.read_drive(path, table.vehicle, estimating=False, log=table.log).trace
+    times = sorted(signal_checks.forgotten_at(trace.findings))
+    assert times, "nothing is found"
+    after = [e for (name, t), e in live.items() if name == "armax" and t > times[0] and e.used == e.used]
+    assert after
+    for each in after:
+        last = max(t for t in times if t < each.t)
+        assert each.used <= each.t - last + 2 * DT
+    along = drive_parameters.windows(trace, **table.vehicle.estimators)
+    assert len(along) > 20
+    for each in along:
+        assert exact(live[each.estimator, round(each.t, 6)]) == exact(each)
 
 
 def test_without_a_limit_nothing_is_found(seed: int) -> None:

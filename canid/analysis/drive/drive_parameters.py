@@ -215,7 +215,7 @@ def windows(trace: Trace, **settings: Any) -> list[Estimate]:
         estimator.make(trace.input_names, trace.dt, settings_of(estimator, trace, settings))
         for estimator in ESTIMATORS
     ]
-    made = reported_estimates(running, samples(trace))
+    made = reported_estimates(running, samples(trace), signal_checks.forgotten_at(trace.findings))
     if not trace.findings:
         return made
     return [signal_checks.withheld(e, signal_checks.at(trace.findings, e.t)) for e in made]

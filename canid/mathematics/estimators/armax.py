@@ -385,4 +385,11 @@ def identify(trace: Trace, settings: ArmaxSettings) -> WholeDrive | None:
     return armax_whole_drive.identify(trace, settings.orders)
 
 
-ARMAX = Estimator(NAME, ArmaxSettings, configure, init, advance, estimate, identify, check_state=check_state)
+def forget(setup: Setup, state: State) -> State:
+    """Begin anew; when the next estimate is due stays."""
+    return init(setup)._replace(pace=state.pace, pool=state.pool, t=state.t, segment=state.segment)
+
+
+ARMAX = Estimator(
+    NAME, ArmaxSettings, configure, init, advance, estimate, identify, check_state=check_state, forget=forget
+)

@@ -16,7 +16,7 @@ the last bit as live, because of three rules:
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -36,19 +36,25 @@ class Pending(NamedTuple):
     make: Callable[[], tuple[Any, Estimate]]  # the estimator's state after it, and the estimate
 
 
-def reported_estimates(running: Sequence[AnyRunning], samples: Iterable[Sample]) -> list[Estimate]:
+def reported_estimates(
+    running: Sequence[AnyRunning], samples: Iterable[Sample], forgotten_at: Collection[float] = ()
+) -> list[Estimate]:
     """Estimates along a drive, the first of each estimator in every `REPORT_EVERY_S` s: the same numbers as live.
 
     Args:
         running: the estimators.
         samples: of the drive.
+        forgotten_at: s, of samples after which what was learned is forgotten.
     """
     states = {estimator.name: estimator.init() for estimator in running}
     emitted = dict.fromkeys(states, NAN)  # s, the last estimate that was due
     recent: deque[list[Pending]] = deque()  # by instant, as far back as a contradiction may have begun
     out: list[Estimate] = []
+    t = NAN
     for sample in samples:
-        now = []
+        if t in forgotten_at:
+            states = {estimator.name: estimator.forget(states[estimator.name]) for estimator in running}
+        t, now = sample.t, []
         for estimator in running:
             state, due = estimator.advance(states[estimator.name], sample)
             states[estimator.name] = state

@@ -21,9 +21,8 @@ class WithinLimits(NamedTuple):
 
     made: Mapping[str, Made]  # its reports with NaN at a limit; smoothed ones as they are
     limits: tuple[tuple[int, Limited], ...]  # with the row from which on they are known
-    marks: tuple[
-        RoleReadings, ...
-    ]  # of the role `AT_LIMIT`, as `limited_values` has them, of gap and range rate
+    # of the role `AT_LIMIT`, as `limited_values` has them, of gap and range rate
+    marks: tuple[RoleReadings, ...]
 
 
 def step(
@@ -46,6 +45,8 @@ def step(
         # of one report gap and range rate come together
         at |= np.isnan(left.value) & ~np.isnan(made[name].value)
         after[name] = made[name]._replace(value=left.value)
-    known = any(watch.low.found or watch.high.found for watch in state.values())
+    for _, row, value in within.marks:
+        at |= np.isin(reports[0].row, row[value == 1.0])
+    known = any(watch.low.found or watch.high.found or watch.suspected for watch in state.values())
     marks = (RoleReadings(AT_LIMIT, reports[0].row, at.astype(float)),) if known and reports else ()
     return state, WithinLimits(after, within.limits, marks)

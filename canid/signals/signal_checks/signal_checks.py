@@ -140,6 +140,27 @@ def at(several: Iterable[SignalFinding], t: float) -> tuple[SignalFinding, ...]:
     return tuple(finding for finding in several if finding.raised <= t and not finding.until <= t)
 
 
+def forgotten_at(several: Iterable[SignalFinding]) -> frozenset[float]:
+    """Times in s after which an estimator that remembers more than `HOLD_S` forgets what it has learned.
+
+    When a finding begins, all of it may rest on the wrong signal. When one ends that was said again since, or that left the
+    gains, so does what was learned meanwhile.
+
+    Example:
+        >>> limited = SignalFinding("range_rate_limited", ("range_rate",), 3.0, 80.0, "", "", True, until=140.0)
+        >>> wrong = SignalFinding("range_rate_sign", ("range_rate",), 0.0, 20.0, "", "", True, until=300.0)
+        >>> sorted(forgotten_at([limited, wrong]))
+        [20.0, 80.0, 300.0]
+    """
+    out = set[float]()
+    for finding in several:
+        if finding.withholds:
+            out.add(finding.raised)
+        if finding.withholds_delays or finding.until - finding.raised > HOLD_S + 2.0 * blocks.BLOCK_S:
+            out.add(finding.until)
+    return frozenset(t for t in out if t == t)
+
+
 def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
     """Withhold the numbers of an estimate while a finding stands that touches an input or the output.
 
