@@ -222,6 +222,8 @@ FAMILIES: dict[str, Callable[[int], Iterable[bytes]]] = {
     "comments.asc": _text(_ASC, b"// nothing\n"),
     "empty.asc": _text(_ASC, b"\n"),
     "short.asc": _text(_ASC, b"a\n"),
+    "short, apart.asc": _text(_ASC, b"a\n\n"),
+    "late.asc": _text(_ASC, b"99999999999.9 1 1 Rx r\n"),
     "digits.asc": _text(_ASC, b"1" * 8000 + b".5 1 123 Rx d 1 00\n"),
     "shapes.asc": _shapes,
     "base.asc.gz": _zipped(_text(_ASC, b"base hex\n")),

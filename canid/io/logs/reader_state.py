@@ -39,7 +39,7 @@ class ReadState:
     size: int = 0  # bytes of the file
     zone: tzinfo | None = None  # of local times; None: this machine's
     done: int = 0  # bytes read so far
-    unpacked: int = 0  # progress within the unpacked data: grows wherever work goes on
+    unpacked: int = 0  # progress within the unpacked data: changes wherever work goes on
     # interface -> bus, of formats that name them; a reader that has to look for them does so once a log
     buses: dict[str, int] = field(default_factory=dict)
     # of symbolic messages (.asc), each with its id and whether that has 29 bits; none: the log has ids

@@ -8,7 +8,7 @@ import re
 import sys
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -109,6 +109,13 @@ class LineCount:
             return
         self._miss_worded()
         self._miss(line, why)
+
+    def miss_all(self, misses: Iterable[tuple[Line, str]], state: ReadState) -> None:
+        """As `miss`, of lines that were read before; progress is reported as where they were read."""
+        for n, (item, why) in enumerate(misses):
+            if n % PROGRESS_LINES == 0:
+                state.unpacked = item.begin
+            self.miss(item, why)
 
     def settle(self) -> None:
         """Take lines in words at the end for the footer: all lines were counted."""

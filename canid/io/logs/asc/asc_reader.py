@@ -152,6 +152,7 @@ class _Reading:
         ends = block.ends
         misses = []
         names = 0
+        fixed_before: npt.NDArray[np.int64] = np.cumsum(fixed.found) - fixed.found
         base = self._header.base
         for n, k in enumerate(np.flatnonzero(~fixed.found & filled(block)).tolist()):
             if n % PROGRESS_LINES == 0:
@@ -190,7 +191,7 @@ class _Reading:
                 parsed = parse(words, header.base, item, header.fd_base or 16)
             except ValueError as error:
                 names += isinstance(error, NamedMessage)
-                frames = len(singles.frames) + int(fixed.found[:k].sum())
+                frames = len(singles.frames) + int(fixed_before[k])
                 if names > _MAX_NAMES and names >= _SHARE_OF_NAMES * frames and not self._count.read:
                     says = f"{self._path}: line {item.number}: {error}: {_NAMES_REMEDY}"
                     raise SymbolicLogError(says) from None
@@ -204,8 +205,7 @@ class _Reading:
                 singles.kinds[kind] += 1
             else:
                 misses.append((item, "it is no line of an ASC log" if item.whole else "the file ends in it"))
-        for item, why in misses:
-            self._count.miss(item, why)
+        self._count.miss_all(misses, self._state)
         self._count.events += singles.kinds.pop(_EVENT_KIND, 0)
         self._count.others.update(singles.kinds)
         return singles
@@ -259,10 +259,11 @@ class _Reading:
         for k, at in singles.timed:
             timed[k], ns[k] = True, at
         now, far = self._times.absolute(ns, timed, singles)
-        for k in np.flatnonzero(far & is_frame).tolist():
-            is_frame[k] = False
-            item = line(block, k, int(block.ends[k - 1]) if k else 0, int(block.ends[k]))
-            self._count.miss(item, "its time is damaged")
+        damaged = np.flatnonzero(far & is_frame).tolist()
+        is_frame[damaged] = False
+        ends = block.ends
+        items = (line(block, k, int(ends[k - 1]) if k else 0, int(ends[k])) for k in damaged)
+        self._count.miss_all(((item, "its time is damaged") for item in items), self._state)
         self._count.took(block.number, np.flatnonzero(is_frame))
         if self._first is None and is_frame.any():
             k = int(is_frame.argmax())
@@ -283,9 +284,9 @@ class _Reading:
 
     def _note(self, notes: list[Note], singles: _SingleLines, is_frame: npt.NDArray[np.bool_]) -> None:
         """Hand out the events, once there is a first frame that their times can count from."""
+        before = self._rows + np.cumsum(is_frame) - is_frame
         events = [
-            (self._rows + int(is_frame[:k].sum()), ns + self._times.shift_at(k), what, says)
-            for k, ns, what, says in singles.events
+            (int(before[k]), ns + self._times.shift_at(k), what, says) for k, ns, what, says in singles.events
         ]
         if self._first is None:
             self._early_events = (self._early_events + events)[:_MAX_EARLY_EVENTS]
