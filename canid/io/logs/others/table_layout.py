@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from canid.io.logs.formats import UNKNOWN_LIST
-from canid.io.logs.list_columns import BYTE, base_of, decoded, role_of, unit_of
+from canid.io.logs.list_columns import base_of, byte_of, decoded, role_of, unit_of
+from canid.io.logs.others import bare_lists
 from canid.io.logs.others.list_clock import LoggerClock, is_clock
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
@@ -59,13 +60,16 @@ ANY = Program()
 class Layout(NamedTuple):
     """How the rows of a list are read."""
 
-    header: str  # its line
+    header: str  # its line; "": it has none
     first: str  # its first cell
     delimiter: str
     columns: dict[str, tuple[int, ...]]  # role -> columns
     time: int  # the column of the times
+    date: int  # that of their dates; -1: none
+    rest: int  # that of the ns within their seconds; -1: none
     octets: tuple[int, ...]  # the columns of one byte each; none: all are in that of the data
     tail: bool  # the bytes go on in the cells behind the last column
+    bare: bool  # it has no header, and as many bytes as it announces; what follows them is not read
     id_base: int
     data_base: int
     unit_ns: int  # of times; 0: a clock
@@ -94,25 +98,22 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         return ConfigError(f"{path}: {UNKNOWN_LIST.says}: {why}; {UNKNOWN_LIST.remedy}")
 
     at, delimiter, names = _header(lines)
-    if at < 0:
+    bare = bare_lists.form_of(lines) if at < 0 else None
+    if bare is not None:
+        delimiter, names = bare.delimiter, bare.names
+    elif at < 0:
         raise refused("no line names the columns; write one above the frames, as Time (s),ID (hex),Data")
     roles: dict[str, tuple[int, ...]] = {}
-    octets = {
-        int(match[1]): k
-        for k, name in enumerate(names)
-        if (match := BYTE.fullmatch(name.lower().replace(" ", "")))
-    }
+    octets = {n: k for k, name in enumerate(names) if (n := byte_of(name)) is not None}
     for k, name in enumerate(names):
         if k not in octets.values() and (role := role_of(name)):
             roles[role] = (*roles.get(role, ()), k)
-    (id_at, *more) = roles["id"]
+    of_rows = [cells_of_row(decoded(line), delimiter) for line in lines[at + 1 :]]
+    used = [k for k in roles["id"] if any(len(row) > k and ID.fullmatch(row[k]) for row in of_rows)]
+    (id_at, *more) = roles["id"] = tuple(used or roles["id"])
     if more:
         raise refused(f"{names[id_at]!r} and {names[more[0]]!r} may be its ids: leave one of them out")
-    rows = [
-        row
-        for line in lines[at + 1 :]
-        if len(row := cells_of_row(decoded(line), delimiter)) > id_at and ID.fullmatch(row[id_at])
-    ]
+    rows = [row for row in of_rows if len(row) > id_at and ID.fullmatch(row[id_at])]
     if not rows:
         raise refused("no id stands below its header")
     logger = (
@@ -141,6 +142,11 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         else _octets(cell.column(data_at)) or []
     )
     words += [word for row in rows for word in row[len(names) :]] if tail else []
+    if bare is not None:
+        announced = [row for row in rows if len(row) > bare.length and row[bare.length].isdecimal()]
+        words = [
+            w for row in announced for w in bare_lists.octets(row[bare.length + 1 :], int(row[bare.length]))
+        ]
     words = [word for word in words if word]
     named = names[data_at if data_at >= 0 else each[0]]
     data_base = base_of(named) or _known(16 if logger else program.data_base, words) or _data_base(words)
@@ -157,6 +163,9 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
     if why or time_at < 0:
         raise refused(why or "no column of it is named as one of times; write Time (s)")
     says = []
+    if bare is not None:
+        behind = f"; what stands behind the data, as {bare.behind!r}, is not read" if bare.behind else ""
+        says.append(f"it has no header: its columns are read as {', '.join(names)}{behind}")
     if program.id_base == 10 and base == 16:
         says.append("ids without 0x are read as hexadecimal numbers")
     elif program.id_base < 0 or not (
@@ -168,9 +177,12 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             f"times are read as {_UNITS[unit]}; write Time (s), (ms) or (us) in its header where it is not so"
         )
     by_width = not extended and base == 16 and {len(word) for word in ids if word.isalnum()} == {3, 8}
+    (rest,) = roles.get("rest", ())[:1] or (-1,)
+    header = "" if bare else decoded(lines[at]).strip().rpartition("\n")[2]
     return Layout(
-        decoded(lines[at]).strip(), names[0], delimiter, roles | {"data": (data_at,)}, time_at,
-        each if data_at < 0 else (), tail, base, data_base, unit, by_width, logger, tuple(says),
+        header, "" if bare else names[0], delimiter, roles | {"data": (data_at,)}, time_at,
+        _of_day(cell, roles.get("date", ()), time_at), rest, each if data_at < 0 else (), tail,
+        bare is not None, base, data_base, unit, by_width, logger, tuple(says),
     )  # fmt: skip
 
 
@@ -198,9 +210,7 @@ def _header(lines: Sequence[str]) -> tuple[int, str, list[str]]:
         text = decoded(line).strip().lstrip("#% ")
         delimiter = max(",;\t|", key=text.count)
         names = [name.strip(" \"'") for name in text.split(delimiter)]
-        roles = {role_of(name) for name in names} | {
-            "data" for name in names if BYTE.fullmatch(name.lower().replace(" ", ""))
-        }
+        roles = {role_of(name) for name in names} | {"data" for name in names if byte_of(name) is not None}
         if {"id", "data"} <= roles:
             return k, delimiter, names
     return -1, "", []
@@ -305,6 +315,19 @@ def _times(
         0,
         why
         or (f"its times, such as {cells.column(candidates[0])[0]!r}, are not known" if candidates else ""),
+    )
+
+
+def _of_day(cells: _Cells, candidates: Sequence[int], time_at: int) -> int:
+    """The column of the dates of times of day; -1: none is known."""
+    times = cells.column(time_at)
+    return next(
+        (
+            k
+            for k in candidates
+            if all(is_clock(f"{day} {time}") for day, time in zip(cells.column(k), times, strict=True))
+        ),
+        -1,
     )
 
 
