@@ -338,11 +338,13 @@ def named_fields(rng: random.Random) -> tuple[str, list[Sent]]:
 def fields_with_paths(rng: random.Random) -> tuple[str, list[Sent]]:
     """Columns named as fields of messages: of tshark, of ROS with whole seconds and ns, of rostopic in ns."""
     frames = [one._replace(tx=False) for one in drawn(rng)]
-    form = rng.choice(("tshark", "ros", "rostopic"))
+    form = rng.choice(("tshark", "ros", "ros2", "rostopic", "rest"))
     octets = ",".join(f"field.data{k}" for k in range(8))
     rows = {
         "tshark": ["frame.time_epoch,can.id,can.flags.xtd,can.len,data.data"],
         "ros": ["header.seq,header.stamp.secs,header.stamp.nsecs,id,is_extended,dlc,data"],
+        "ros2": ["header.stamp.sec,header.stamp.nanosec,header.frame_id,id,is_extended,dlc,data"],
+        "rest": ["timestamp,ms,id (dec),is_extended,dlc,data"],
         "rostopic": [
             f"%time,field.header.stamp,field.header.frame_id,field.id,field.is_extended,field.dlc,{octets}"
         ],
@@ -355,6 +357,8 @@ def fields_with_paths(rng: random.Random) -> tuple[str, list[Sent]]:
             {
                 "tshark": f"{second}.{rest:09d},0x{one.id:08x},{one.extended:d},{size},{one.data.hex()}",
                 "ros": f'{k},{second},{rest},{one.id},{one.extended},{size},"{[*one.data]}"',
+                "ros2": f'{second},{rest},can0,{one.id},{one.extended},{size},"{[*one.data]}"',
+                "rest": f'{second},{rest // 10**6},{one.id},{one.extended},{size},"{[*one.data]}"',
                 "rostopic": f"{ns},{ns},,{one.id},{one.extended:d},{size},{','.join(map(str, cells))}",
             }[form]
         )
@@ -446,6 +450,14 @@ def test_a_list_that_states_1970_or_a_date_states_its_start(
     path = tmp_path / "x.csv"
     path.write_text(dialect(random.Random(seed))[0])
     assert open_log(path, time_zone="UTC").start_utc == pytest.approx(EPOCH_US / 1e6)
+
+
+def test_times_of_whole_seconds_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text(
+        "timestamp,id (hex),data\n" + "".join(f"{1711111111 + k // 50},123,01 {k:02X}\n" for k in range(200))
+    )
+    assert "times are whole seconds" in " ".join(open_log(path).remarks)
 
 
 def test_what_is_not_read_of_a_list_without_a_header_is_said(tmp_path: Path) -> None:

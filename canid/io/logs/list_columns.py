@@ -9,10 +9,11 @@ import re
 ROLES = {
     "time": (
         "time timestamp timestamps timestampepoch abstime absolutetime timeabs systemtime reltime relativetime timeoffset "
-        "timeofday timeepoch timerelative stamp secs t ts zeit zeitstempel temps 时间标识 时间戳 时间 系统时间 時刻 время"
+        "timeofday timeepoch timerelative stamp secs headerstampsec t ts zeit zeitstempel temps "
+        "时间标识 时间戳 时间 系统时间 時刻 время"
     ),
     "date": "date datum 日期",
-    "rest": "nsecs nanosec nsec",
+    "rest": "nsecs nanosec nsec ns usecs usec us micros microseconds msecs msec ms millis milliseconds",
     "id": (
         "id aid canid arbitrationid arbid identifier messageid msgid frameid canidentifier addr address kennung idhex iddec "
         "id号 帧id 报文id 識別子 идентификатор"
@@ -106,10 +107,22 @@ def unit_of(cell: str) -> int:
     (1000000, 1000000, 1000, 1000000000, 0)
     """
     text = cell.strip(" \"'\t").lower()
-    if text == "timestampepoch" or re.fullmatch(r"(.*\.)?(secs|frame\.time_(epoch|relative))", text):
+    if text == "timestampepoch" or re.fullmatch(
+        r"(.*\.)?(secs|stamp\.sec|frame\.time_(epoch|relative))", text
+    ):
         return _UNITS["s"]  # of CSS Electronics, ROS and Wireshark
     match = _UNIT.search(text)
     return _UNITS.get(match[1], 0) if match else 0
+
+
+def rest_of(cell: str) -> int:
+    """The ns of the unit of a column with the rest of whole seconds, by its name.
+
+    >>> rest_of("usec"), rest_of("header.stamp.nanosec"), rest_of("ms")
+    (1000, 1, 1000000)
+    """
+    name = cell.strip(" \"'\t").lower().rpartition(".")[2]
+    return {"n": 1, "u": 1_000}.get(name[:1], 1_000 if name.startswith("mic") else 1_000_000)
 
 
 def base_of(cell: str) -> int:

@@ -199,7 +199,7 @@ class _Reading:
             rest = cells[layout.rest] if layout.rest < len(cells) else ""
             if not re.fullmatch(r"\d{1,9}", rest):
                 raise Bad("its time is damaged")
-            ns += int(rest)
+            ns += int(rest) * layout.rest_ns
         if flags & Flag.REMOTE:
             return Row(ns, bus, id_, b"", flags, remote_length(min(announced, default=0)))
         data = self._data(cells, announced)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from canid.io.logs.formats import UNKNOWN_LIST
-from canid.io.logs.list_columns import base_of, byte_of, decoded, role_of, unit_of
+from canid.io.logs.list_columns import base_of, byte_of, decoded, rest_of, role_of, unit_of
 from canid.io.logs.others import bare_lists
 from canid.io.logs.others.list_clock import LoggerClock, is_clock
 from canid.values.errors import ConfigError
@@ -39,6 +39,8 @@ _WORDS = {10: "decimal", 16: "hexadecimal"}
 _SAME, _CLOCK_NS = 0.02, 500_000_000
 # share of the first times that may be earlier than the one before: times since the frame before are half of them
 _MAX_BACK = 0.25
+# frames that have one time, on average, from which on it is said that times are whole seconds
+_MAX_IN_A_SECOND = 4
 _LOGGER_HEAD = re.compile(r"#\s*(Logger type|Time format)\s*:", re.IGNORECASE)
 
 
@@ -66,7 +68,8 @@ class Layout(NamedTuple):
     columns: dict[str, tuple[int, ...]]  # role -> columns
     time: int  # the column of the times
     date: int  # that of their dates; -1: none
-    rest: int  # that of the ns within their seconds; -1: none
+    rest: int  # that of the rest of their whole seconds; -1: none
+    rest_ns: int  # the unit of the rest
     octets: tuple[int, ...]  # the columns of one byte each; none: all are in that of the data
     tail: bool  # the bytes go on in the cells behind the last column
     bare: bool  # it has no header, and as many bytes as it announces; what follows them is not read
@@ -157,7 +160,7 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             raise refused(f"what the numbers in its column {names[k]!r} mean is not known: leave it out")
     time_at, unit, why = (*roles.get("time", (-1,))[:1], program.unit_ns, logger.refused if logger else "")
     if logger is None and not program.header:
-        time_at, unit, why = _times(cell, names, roles.get("time", ()), id_at)
+        time_at, unit, why = _times(cell, names, roles.get("time", ()), id_at, "rest" in roles)
     elif any(re.search(r"\d[.,]\d", word) for word in cell.column(time_at)):
         unit = 0 if logger else 10**9
     if why or time_at < 0:
@@ -177,11 +180,18 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             f"times are read as {_UNITS[unit]}; write Time (s), (ms) or (us) in its header where it is not so"
         )
     by_width = not extended and base == 16 and {len(word) for word in ids if word.isalnum()} == {3, 8}
-    (rest,) = roles.get("rest", ())[:1] or (-1,)
+    whole = unit == 10**9 and all(map(str.isdecimal, cell.column(time_at)))
+    rest, rest_ns = -1, 0
+    for k in roles.get("rest", ()) if whole else ():
+        parts, size = cell.column(k), 10**9 // rest_of(names[k])
+        if rest < 0 and all(word.isdecimal() and int(word) < size for word in parts) and len({*parts}) > 1:
+            rest, rest_ns = k, rest_of(names[k])
+    if whole and rest < 0 and len({*cell.column(time_at)}) < len(rows) / _MAX_IN_A_SECOND:
+        says.append("times are whole seconds: frames within one have the same time")
     header = "" if bare else decoded(lines[at]).strip().rpartition("\n")[2]
     return Layout(
         header, "" if bare else names[0], delimiter, roles | {"data": (data_at,)}, time_at,
-        _of_day(cell, roles.get("date", ()), time_at), rest, each if data_at < 0 else (), tail,
+        _of_day(cell, roles.get("date", ()), time_at), rest, rest_ns, each if data_at < 0 else (), tail,
         bare is not None, base, data_base, unit, by_width, logger, tuple(says),
     )  # fmt: skip
 
@@ -281,9 +291,9 @@ def _data_base(words: list[str]) -> int:
 
 
 def _times(
-    cells: _Cells, names: Sequence[str], candidates: Sequence[int], id_at: int
+    cells: _Cells, names: Sequence[str], candidates: Sequence[int], id_at: int, rest: bool
 ) -> tuple[int, int, str]:
-    """The column of times, the ns of its unit (0: a clock), and why there is none."""
+    """The column of times, the ns of its unit (0: a clock), and why there is none. `rest`: seconds may be whole ones."""
     clocks = [k for k in candidates if all(map(is_clock, cells.column(k)))]
     why = ""
     for k in candidates:
@@ -293,7 +303,7 @@ def _times(
             continue
         values = [float(int(w, 16)) if counter else float(w.replace(",", ".")) for w in words]
         back = sum(b < a for a, b in pairwise(values))
-        if back > _MAX_BACK * len(values) or (len(values) > 9 and min(values) == max(values)):
+        if back > _MAX_BACK * len(values) or (len(values) > 9 and min(values) == max(values) and not rest):
             why = f"the times in its column {names[k]!r} do not go on"
             continue
         decimal = any(re.search(r"\d[.,]\d", word) for word in words)
