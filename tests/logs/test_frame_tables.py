@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
+from canid.analysis.tables.kinds import is_table
 from canid.io.logs import open_log
 from canid.values.errors import ConfigError, LogError
 from canid.values.types import Flag
@@ -511,3 +512,20 @@ def test_a_damaged_list_is_damage_or_refused(
             assert "\n" not in str(error)  # noqa: PT017
             continue
         assert all(0 <= frame.id <= 0x1FFFFFFF and len(frame.data) <= 64 for frame in read)
+
+
+def test_a_table_of_signals_in_whole_numbers_lists_no_frames(tmp_path: Path, seed: int) -> None:
+    """With a header or without: a speed of an engine is no id, a switch no length."""
+    rng = random.Random(seed)
+    rows = [
+        f"{k / 10:.1f},{rng.randrange(700, 6000)},{rng.randrange(2)},{rng.randrange(10, 60)}"
+        for k in range(99)
+    ]
+    path = tmp_path / "x.csv"
+    for head in ("time,rpm,brake,speed", "time,rpm,n,count"):
+        path.write_text("\n".join([head, *rows]))
+        assert is_table(path)
+        with pytest.raises(ConfigError, match="table of named columns"):
+            open_log(path)
+    path.write_text("\n".join(rows))
+    assert is_table(path)

@@ -112,7 +112,7 @@ def head_of(path: Path) -> Head:
             if (not form.suffixes or suffix in form.suffixes) and re.match(form.line, line, re.IGNORECASE):
                 return Head(form, lines)
     listed = suffix in formats.TABLE_SUFFIXES and (any(map(is_frame_list, lines)) or has_bytes(lines))
-    if listed or bare_lists.form_of(lines) is not None:
+    if listed or (not any(map(is_header, lines)) and bare_lists.form_of(lines) is not None):
         return Head(formats.UNKNOWN_LIST, lines)
     return Head(None, lines)
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 _TIME = re.compile(r"-?\d{1,20}([.,]\d{1,20})?|\d\d?:\d\d:\d\d([.,:]\d{1,9})?")
 _ID = re.compile(r"0x[0-9a-f]{1,8}x?|[0-9a-f]{3,8}[hx]?", re.IGNORECASE)
 _OCTET = re.compile(r"(0x)?[0-9a-f]{2}|0x[0-9a-f]", re.IGNORECASE)
+_HEX = re.compile(r"0.|.*[a-f]", re.IGNORECASE)
 _WAY = re.compile(r"rx|tx", re.IGNORECASE)
 # rows of one form that show it, and their share of those that begin with a time
 _MIN_ROWS, _SHARE = 3, 0.9
@@ -44,18 +45,32 @@ def form_of(lines: Sequence[str]) -> Form | None:
 
     >>> form_of(["0.10,0316,2,05,21,R", "0.11,02B0,1,FF,R", "0.12,0316,0,R"])
     Form(delimiter=',', id=1, way=-1, length=2, behind='R')
-    >>> form_of(["0.10,0316,1,2,05,21"] * 3), form_of(["0.1,20.5,30.2,0.1"] * 3)
+    >>> form_of(["0.10,0316,1,2,05,21"] * 3), form_of(["0.1,850,0,20.5", "0.2,851,1,20"] * 3)
     (None, None)
     """
     for delimiter in DELIMITERS:
         rows = [[cell.strip(" \"'") for cell in line.split(delimiter)] for line in lines if delimiter in line]
         timed = [cells for cells in rows if _TIME.fullmatch(cells[0])]
-        forms = [form for cells in timed if (form := _form(cells, delimiter)) is not None]
-        kinds = Counter(form._replace(behind="") for form in forms)
+        forms = [shape for cells in timed if (shape := _form(cells, delimiter)) is not None]
+        kinds = Counter(form._replace(behind="") for form, _ in forms)
         kind, most = kinds.most_common(1)[0] if kinds else (None, 0)
-        if kind is not None and most >= max(_MIN_ROWS, _SHARE * len(timed)):
-            return kind._replace(behind=next((form.behind for form in forms if form.behind), ""))
+        # of numbers alone it may be a table of signals
+        if (
+            kind is not None
+            and most >= max(_MIN_ROWS, _SHARE * len(timed))
+            and 2 * sum(x for _, x in forms) >= most
+        ):
+            return kind._replace(behind=next((form.behind for form, _ in forms if form.behind), ""))
     return None
+
+
+def is_row(line: str, delimiter: str) -> bool:
+    """Whether a line may be a frame of a list without a header.
+
+    >>> is_row("0.10,0316,2,05,21,R", ","), is_row("Bit rate: 500", ",")
+    (True, False)
+    """
+    return _form([cell.strip(" \"'") for cell in line.split(delimiter)], delimiter) is not None
 
 
 def octets(cells: Sequence[str], n: int) -> list[str]:
@@ -68,7 +83,8 @@ def octets(cells: Sequence[str], n: int) -> list[str]:
     return [word[2:] if word[:2] in ("0x", "0X") else word for word in words]
 
 
-def _form(cells: Sequence[str], delimiter: str) -> Form | None:
+def _form(cells: Sequence[str], delimiter: str) -> tuple[Form, bool] | None:
+    """The form of a row, and whether it has bytes and hexadecimal numbers."""
     for length in (2, 3):
         if length >= len(cells) or not re.fullmatch(r"\d{1,2}", cells[length]):
             continue
@@ -81,5 +97,6 @@ def _form(cells: Sequence[str], delimiter: str) -> Form | None:
         whole = len(data) == n <= 64 and all(map(_OCTET.fullmatch, data))
         alone = len(behind) <= _MAX_BEHIND and not any(map(_OCTET.fullmatch, behind))
         if whole and alone and len(ids) == 1 and len(ids) + len(ways) == len(between):
-            return Form(delimiter, ids[0], (*ways, -1)[0], length, "".join(behind[:1]))
+            is_hex = n > 0 and any(map(_HEX.match, (cells[ids[0]], *data)))
+            return Form(delimiter, ids[0], (*ways, -1)[0], length, "".join(behind[:1])), is_hex
     return None

@@ -152,7 +152,7 @@ class _Reading:
         layout, program, text = self._layout, self._program, decoded(text)
         cells = cells_of_row(text, layout.delimiter)
         if layout.bare and not self._below:
-            self._below = bare_lists.form_of([text] * 3) is not None
+            self._below = bare_lists.is_row(text, layout.delimiter)
         if not self._below or (text == layout.header and not layout.bare):
             self._below = self._below or text == layout.header
             return "header lines"
