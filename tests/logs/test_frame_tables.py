@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
+from canid.analysis.tables.kinds import is_table
 from canid.io.logs import open_log
 from canid.values.errors import ConfigError, LogError
 from canid.values.types import Flag
@@ -262,8 +263,122 @@ def memorator(rng: random.Random) -> tuple[str, list[Sent]]:
     return "\n".join(rows) + "\n", frames
 
 
+def crtd(rng: random.Random) -> tuple[str, list[Sent]]:
+    """OVMS: buses as prefixes or without, comments, events and statistics between the frames."""
+    buses = rng.choice((1, 2))
+    frames = drawn(rng, buses=buses)
+    rows = [f"{EPOCH_US // 10**6}.250000 CXX OVMS CRTD", f"{EPOCH_US // 10**6}.250000 1CEV Open info"]
+    for k, one in enumerate(frames):
+        at = EPOCH_US + one.us
+        time = f"{at // 10**6}.{at % 10**6:06d}"
+        kind = f"{one.bus + 1 if buses > 1 else ''}{'T' if one.tx else 'R'}{29 if one.extended else 11}"
+        id_ = f"{one.id:08X}" if one.extended else f"{one.id:03X}"
+        rows.append(f"{time} {kind} {id_} {one.data.hex(' ').upper()}")
+        if k % 60 == 9:
+            rows += [f"{time} 1CST intr=5 rxpkt=7", f"{time} CER Error intr=0 rxerr=1"]
+    return "\n".join(rows) + "\n", frames
+
+
+def without_header(rng: random.Random) -> tuple[str, list[Sent]]:
+    """HCRL's sets: time, id, length, bytes, a mark that is no direction."""
+    frames = [one._replace(tx=False) for one in drawn(rng, wide=False)]
+    mark, last = rng.choice(",;\t"), rng.choice((("R", "T"), ("",), ("normal",)))
+    rows = []
+    for one in frames:
+        at = EPOCH_US + one.us
+        cells = [
+            f"{at // 10**6}.{at % 10**6:06d}",
+            f"{one.id:04x}",
+            str(len(one.data)),
+            *one.data.hex(",").split(","),
+        ]
+        rows.append(mark.join(filter(None, [*cells, rng.choice(last)])))
+    return "\n".join(rows) + "\n", frames
+
+
+def microchip(rng: random.Random) -> tuple[str, list[Sent]]:
+    """Microchip's CAN Bus Analyzer: ms, a direction, ids and bytes with 0x, lines of text above."""
+    frames = drawn(rng, wide=False)
+    rows = ["Microchip Technology Inc.", "CAN BUS Analyzer", "//----", "Bit rate: 500", "//----"]
+    for one in frames:
+        octets = "".join(f"0x{octet:02X};" for octet in one.data)
+        rows.append(f"{one.us // 1000};{'TX' if one.tx else 'RX'};0x{one.id:X};{len(one.data)};{octets}")
+    return "\n".join(rows) + "\n", frames
+
+
+def named_fields(rng: random.Random) -> tuple[str, list[Sent]]:
+    """What python-can prints, of two versions, and HCRL's text."""
+    form = rng.choice(("screen", "older", "hcrl"))
+    frames = drawn(rng, wide=form != "hcrl", remote=form == "screen")
+    rows = []
+    for one in frames:
+        at = EPOCH_US + one.us
+        time = f"Timestamp: {at // 10**6}.{at % 10**6:06d}"
+        id_ = (
+            f"{one.id:08x}"
+            if one.extended
+            else f"{one.id:04x}"
+            if form != "screen"
+            else f"{one.id:03x}".rjust(8)
+        )
+        kind = "X" if one.extended else "S"
+        if form == "screen":
+            marks = f"{kind} {'Tx' if one.tx else 'Rx'}   {'R' if one.remote else ' '}          "
+            size = 0 if one.remote else len(one.data)
+            rows.append(
+                f"{time}    ID: {id_}    {marks}    DL: {size:2d}    {one.data.hex(' '):24s}    Channel: can0"
+            )
+        elif form == "older":
+            rows.append(f"{time}    ID: {id_}    {kind}        DLC:  {len(one.data)}    {one.data.hex(' ')}")
+        else:
+            rows.append(f"{time}        ID: {id_}    000    DLC: {len(one.data)}    {one.data.hex(' ')}")
+    kept = frames if form == "screen" else [one._replace(tx=False) for one in frames]
+    return "\n".join(rows) + "\n", kept
+
+
+def fields_with_paths(rng: random.Random) -> tuple[str, list[Sent]]:
+    """Columns named as fields of messages: of tshark, of ROS with whole seconds and ns, of rostopic in ns."""
+    frames = [one._replace(tx=False) for one in drawn(rng)]
+    form = rng.choice(("tshark", "ros", "ros2", "rostopic", "rest"))
+    octets = ",".join(f"field.data{k}" for k in range(8))
+    rows = {
+        "tshark": ["frame.time_epoch,can.id,can.flags.xtd,can.len,data.data"],
+        "ros": ["header.seq,header.stamp.secs,header.stamp.nsecs,id,is_extended,dlc,data"],
+        "ros2": ["header.stamp.sec,header.stamp.nanosec,header.frame_id,id,is_extended,dlc,data"],
+        "rest": ["timestamp,ms,id (dec),is_extended,dlc,data"],
+        "rostopic": [
+            f"%time,field.header.stamp,field.header.frame_id,field.id,field.is_extended,field.dlc,{octets}"
+        ],
+    }[form]
+    for k, one in enumerate(frames):
+        ns = (EPOCH_US + one.us) * 1000
+        second, rest = divmod(ns, 10**9)
+        size, cells = len(one.data), [*one.data, *[0] * (8 - len(one.data))]
+        rows.append(
+            {
+                "tshark": f"{second}.{rest:09d},0x{one.id:08x},{one.extended:d},{size},{one.data.hex()}",
+                "ros": f'{k},{second},{rest},{one.id},{one.extended},{size},"{[*one.data]}"',
+                "ros2": f'{second},{rest},can0,{one.id},{one.extended},{size},"{[*one.data]}"',
+                "rest": f'{second},{rest // 10**6},{one.id},{one.extended},{size},"{[*one.data]}"',
+                "rostopic": f"{ns},{ns},,{one.id},{one.extended:d},{size},{','.join(map(str, cells))}",
+            }[form]
+        )
+    return "\n".join(rows) + "\n", frames
+
+
+def broken_names(rng: random.Random) -> tuple[str, list[Sent]]:
+    """A date next to the time of day, and names in quotes that hold line feeds."""
+    frames = [one._replace(tx=False) for one in drawn(rng)]
+    rows = ['"Date","Time\nof day","CAN ID\n(hex)",DLC,"Data\n(hex)"']
+    for one in frames:
+        at = stamp(one.us)
+        rows.append(f"{at:%Y-%m-%d},{at:%H:%M:%S.%f},{one.id:X},{len(one.data)},{one.data.hex(' ')}")
+    return "\n".join(rows) + "\n", frames
+
+
 DIALECTS: tuple[Callable[[random.Random], tuple[str, list[Sent]]], ...] = (
-    canedge, clx, zlg, ixxat, asammdf, pp2can, micropecker, pandas_frame, clocked, canking, memorator,
+    canedge, clx, zlg, ixxat, asammdf, pp2can, micropecker, pandas_frame, clocked, canking, memorator, crtd,
+    without_header, microchip, named_fields, fields_with_paths, broken_names,
 )  # fmt: skip
 
 
@@ -312,6 +427,7 @@ REFUSED = (
     ("Time,ID (hex),Data\n3/4/2025 10:00:00,123,01 0A\n", "its times, such as '3/4/2025 10:00:00', are not known"),
     ("# Logger type: CL2000\n# Time format: 0\nTimestamp;Type;ID;Data\n683;0;7df;02010d\n", "ms within a second"),
     ("Chn Identifier Flg   DLC  D0...1  Time     Dir\n 0    123   2  01  22    0.1 R\n", "Kvaser's plain text, and its"),
+    ("0.1,0316,1,8,05,21,68,09,21,21,00,6f\n" * 9, "no line names the columns"),  # a channel, or a length
     ('"No.","Time","Source","Destination","Protocol","Length","Info"\n"1","0.1","","","CAN","16","STD: 0x123"\n', ".pcapng"),
 )  # fmt: skip
 
@@ -326,6 +442,32 @@ def test_a_list_that_may_be_read_in_two_ways_is_refused_with_what_was_found(
         open_log(path)
     assert says in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("dialect", [crtd, without_header, named_fields, broken_names])
+def test_a_list_that_states_1970_or_a_date_states_its_start(
+    dialect: Callable[[random.Random], tuple[str, list[Sent]]], tmp_path: Path, seed: int
+) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text(dialect(random.Random(seed))[0])
+    assert open_log(path, time_zone="UTC").start_utc == pytest.approx(EPOCH_US / 1e6)
+
+
+def test_times_of_whole_seconds_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text(
+        "timestamp,id (hex),data\n" + "".join(f"{1711111111 + k // 50},123,01 {k:02X}\n" for k in range(200))
+    )
+    assert "times are whole seconds" in " ".join(open_log(path).remarks)
+
+
+def test_what_is_not_read_of_a_list_without_a_header_is_said(tmp_path: Path) -> None:
+    """The mark T of an injected frame is no direction."""
+    path = tmp_path / "x.csv"
+    path.write_text("".join(f"{k / 10},0{k % 7 + 0x316:x},2,05,2{k},{'RT'[k % 2]}\n" for k in range(10)))
+    log = open_log(path)
+    assert not any(frame.flags for frame in log)
+    assert "what stands behind the data, as 'R', is not read" in log.remarks[0]
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -370,3 +512,20 @@ def test_a_damaged_list_is_damage_or_refused(
             assert "\n" not in str(error)  # noqa: PT017
             continue
         assert all(0 <= frame.id <= 0x1FFFFFFF and len(frame.data) <= 64 for frame in read)
+
+
+def test_a_table_of_signals_in_whole_numbers_lists_no_frames(tmp_path: Path, seed: int) -> None:
+    """With a header or without: a speed of an engine is no id, a switch no length."""
+    rng = random.Random(seed)
+    rows = [
+        f"{k / 10:.1f},{rng.randrange(700, 6000)},{rng.randrange(2)},{rng.randrange(10, 60)}"
+        for k in range(99)
+    ]
+    path = tmp_path / "x.csv"
+    for head in ("time,rpm,brake,speed", "time,rpm,n,count"):
+        path.write_text("\n".join([head, *rows]))
+        assert is_table(path)
+        with pytest.raises(ConfigError, match="table of named columns"):
+            open_log(path)
+    path.write_text("\n".join(rows))
+    assert is_table(path)

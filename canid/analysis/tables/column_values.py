@@ -96,9 +96,13 @@ def times_of(
     where = f"{name}: {brief(column)}"
     if clock.place in texts:
         cells = table.texts[clock.place]
-        if clock.date_place >= 0:
-            cells = date_column.joined(table.texts[clock.date_place], cells)
+        if clock.parts:
+            parts = [part for part, _ in clock.parts]
+            cells = date_column.joined(parts, [table.texts[place] for _, place in clock.parts], cells)
+            unit = "ns" if parts == ["week"] else None
         times = time_column.of_texts(cells, unit, where)
+        if clock.parts and parts == ["week"]:
+            times = times._replace(note=f"{where}: {date_column.of_gps(times.start_ns)}")
     else:
         unit = unit or ("s" if clock.rest else None)
         times = time_column.of_numbers(table.numbers[clock.place], unit, where, clock.entry.rate)

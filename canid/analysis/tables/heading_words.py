@@ -16,14 +16,14 @@ _WORDS: dict[str, str] = {
     "du de la le les au aux un une en mesure mesuree vehicule voiture actuelle "
     "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to do da veiculo het tot "
     "voertuig data field msg",
-    "own": "own ego host self subject sv fv follower eigen eigenes eigene propre propio propia proprio propria",
+    "own": "own ego host self subject sv fv fav follower foll eigen eigenes eigene propre propio propia proprio propria",
     "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "
     "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente voorligger",
     "relative": "relative rel relativ relativa relativo relatieve differenz",
     "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
     "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid",
     "rate": "rate",
-    "distance": "distance dist d distanz distancia distanza",
+    "distance": "distance dist d space distanz distancia distanza",
     "gap": "gap range clearance abstand lucke interdistance afstand",
     "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao",
     "along": "longitudinal longit langs longitudinale",

@@ -45,16 +45,17 @@ ALIASES: dict[str, tuple[str, ...]] = {
     TIME: ("t", "timestamp", "time_stamp", "timestamps", "datetime", "date_time", "utc", "utc_time", "epoch",
            "x_value", "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time",
            "local_time", "system_time", "time_of_day", "unix_time", "unix_timestamp", "rel_time", "abs_time",
-           "simulation_time", "sim_time", "secs", "header_stamp_secs", "header_stamp_sec",
-           "時間", "時刻", "时间"),
+           "simulation_time", "sim_time", "gps_tow", "tow", "time_of_week", "itow", "i_tow", "secs",
+           "header_stamp_secs", "header_stamp_sec", "時間", "時刻", "时间"),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
               "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",
               "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d",
-              "accelerator_position_d", "accel_pedal_pos", "accelerator_pedal_pos", "pps",
+              "accelerator_position_d", "accel_pedal_pos", "app_pos", "acc_pedal", "acc_ped", "accelerator_pedal_pos", "pps",
               "アクセル開度", "油门踏板", "油门踏板开度", "加速踏板", "加速踏板开度"),
     "speed": ("v", "v_ego", "ego_speed", "own_speed", "vehicle_speed", "speed_ego", "vego", "velocity", "ego_velocity",
               "speed_own", "car_speed", "follower_speed", "speed_follower", "self_speed", "v_follower", "host_speed",
-              "ground_speed", "vss", "speed_obd", "obd_speed", "speed_canbus", "車速", "车速", "自车速度", "自車速度"),
+              "ground_speed", "corr_speed", "vss", "speed_obd", "obd_speed", "speed_canbus", "車速", "车速", "自车速度",
+              "自車速度"),
     "lead_speed": ("v_lead", "speed_lead", "leader_speed", "speed_leader", "lead_velocity", "preceding_speed",
                    "lead_vehicle_speed", "target_speed", "v_leader", "vlead", "lv_speed", "前车速度",
                    "先行車速度", "前車速度"),
@@ -116,9 +117,12 @@ _SOURCE = re.compile(r"(\s*[\[(][^\[\]()]*[\])])\s*\*(\w+)$")  # RaceChrono's "S
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _ELISION = re.compile(r"\b[dl]['\u2019](?=\w)", re.IGNORECASE)  # "pédale d'accélérateur"
 # the bus, or the control unit, that has sent a signal: "CAN 1::ABS::Speed", "ABS.Speed", "Speed@ABS"
-_UNIT = r"(?:(?:can|bus|ch|channel)[ _-]?\d{0,2}|abs|esp|esc|ebs|ecm|pcm|ecu|ems|dme|tcm|vdc|dsc|radar|chassis|powertrain)"
+_UNIT = (
+    r"(?:(?:can|bus|ch|channel)[ _-]?\d{0,2}|abs|esp|esc|ebs|ecm|pcm|ecu|ems|dme|tcm|vdc|dsc|radar|chassis|powertrain"
+    r"|platform\(\)|model root|ego|(?:xcp|ccp|etkc?)(?::\d+)?)"
+)
 _SENDER = re.compile(
-    rf"^/?(?:{_UNIT}(?:::|[./\\:])\ *)+(?=\w)|(?<=\w)[@\\]{_UNIT}(?=\s*(?:[\[(]|$))", re.IGNORECASE
+    rf"^/?(?:{_UNIT}(?:::?//|::|[./\\:])\ *)+(?=\w)|(?<=\w)[@\\]{_UNIT}(?=\s*(?:[\[(]|$))", re.IGNORECASE
 )
 # characters; a heading that is longer names no role
 MAX_HEADING = 200

@@ -50,7 +50,9 @@ class Found(NamedTuple):
     unit: str | None  # stated by the map or the heading; None: nowhere
     sign_place: int = -1  # of `sign_of`
     closing: bool = False  # the range rate with the other sign
-    date_place: int = -1  # of the dates, where times of day have them in a column of their own
+    parts: tuple[
+        tuple[str, int], ...
+    ] = ()  # what stands before times in columns of its own, see `date_column.joined`
     points: tuple[int, ...] = ()  # of `between`: x, y, x, y
     rest: tuple[int, int] | None = None  # of whole seconds: the column of the rest, how many are a second
 
@@ -58,7 +60,7 @@ class Found(NamedTuple):
     def places(self) -> tuple[int, ...]:
         """All columns that it is made of."""
         measured = self.points or (self.place,)
-        others = (self.sign_place, self.date_place, *(self.rest or ())[:1])
+        others = (self.sign_place, *(place for _, place in self.parts), *(self.rest or ())[:1])
         return (*measured, *(place for place in others if place >= 0))
 
 
@@ -358,7 +360,7 @@ def described(by_role: Mapping[str, Found], headings: Sequence[str]) -> str:
 
 
 def _named(headings: Sequence[str], column: Found) -> str:
-    places = (column.date_place, column.place, *(column.rest or ())[:1])
+    places = (*(place for _, place in column.parts), column.place, *(column.rest or ())[:1])
     return " + ".join(
         brief(headings[place].strip()) or "the column without a name" for place in places if place >= 0
     )

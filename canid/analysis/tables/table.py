@@ -234,6 +234,11 @@ def _judge_units(t: Array, values: Mapping[str, Array], by_role: Mapping[str, Fo
         why = unstated_units.of_times(t, has["gap"], has["range_rate"])
     if why:
         raise ConfigError(f"{name}: {why}: state the units of time, gap and range rate, such as time [ms]")
+    pair = {role: by_role[role].unit for role in ("gap", "range_rate") if role in has and role in by_role}
+    if len(pair) > 1 and None in pair.values():
+        why = unstated_units.of_gap(t, has["gap"], has["range_rate"])
+    if why:
+        raise ConfigError(f"{name}: {why}: state the units of gap and range rate, such as gap [m]")
     if "speed" in has and by_role["speed"].unit is None:
         why = unstated_units.of_speed(t, has["speed"], has.get("range_rate"))
     if why:

@@ -6,7 +6,7 @@
 - Specific power: speed times acceleration grows with the square of a factor. Its 99 % quantile is 8 to 29 W/kg on ten
   measured drives, and at most 44 on simulated ones. In mph it is five times as large.
 - A lead that stands: while the own vehicle rolls towards it the closing rate is the speed, in the unit of the range rate.
-- The range rate integrates to the change of the gap in the unit of the times.
+- The range rate integrates to the change of the gap in the unit of the times; yd and m, ft/s and km/h differ by 9 % alone.
 
 The own motion in the range rate (`signals/signal_checks/own_motion.py`) does not decide between m/s and mph: noise of
 0.02 m/s in the speed takes its factor from 1 to 0.15.
@@ -35,6 +35,8 @@ _MIN_SPEED = 2.0
 # real s in a supposed one, and how near a ratio comes to it; rows of one change, and changes that are needed
 _TIME_FACTORS, _TIME_NEAR = (60.0, 3600.0, 1440.0, 1e-3, 0.01, 0.1, 10.0, 100.0, 1e3, 1 / 24), 0.1
 _ROWS, _MIN_CHANGES = 20, 10
+# the same for units of the gap and the range rate whose ratio is near 1; standard errors by which it has to differ from 1
+_GAP_FACTORS, _GAP_NEAR, _SURE = ((1 / 0.9144, "yd with m/s"), (1 / 0.3048 / 3.6, "ft with km/h")), 0.02, 4.0
 # squared correlation of what are the same changes
 _SAME = 0.9
 
@@ -52,6 +54,32 @@ def of_times(t: Array, gap: Array, rate: Array) -> str:
         >>> of_times(t / 60.0, 30.0 + 5.0 * np.sin(0.3 * t), 1.5 * np.cos(0.3 * t))
         'the gap changes by 60 times the integral of the range rate'
     """
+    ratio, _ = _of_changes(t, gap, rate)
+    near = any(abs(ratio / factor - 1.0) < _TIME_NEAR for factor in _TIME_FACTORS)
+    return f"the gap changes by {ratio:.3g} times the integral of the range rate" if near else ""
+
+
+def of_gap(t: Array, gap: Array, rate: Array) -> str:
+    """Why a gap is not in m or a range rate not in m/s, where no check of signals finds it; "": nothing shows that.
+
+    Args:
+        t: (n,) s, ascending.
+        gap: (n,) m; NaN: none.
+        rate: (n,) m/s; NaN: none.
+
+    Example:
+        >>> t = np.arange(0.0, 120.0, 0.1)
+        >>> of_gap(t, (30.0 + 5.0 * np.sin(0.3 * t)) / 0.9144, 1.5 * np.cos(0.3 * t))
+        'the gap changes by 1.094 times the integral of the range rate, as yd with m/s'
+    """
+    ratio, error = _of_changes(t, gap, rate)
+    units = next((units for factor, units in _GAP_FACTORS if abs(ratio / factor - 1.0) < _GAP_NEAR), "")
+    sure = units and abs(ratio - 1.0) > _SURE * error
+    return f"the gap changes by {ratio:.4g} times the integral of the range rate, as {units}" if sure else ""
+
+
+def _of_changes(t: Array, gap: Array, rate: Array) -> tuple[float, float]:
+    """How many times the integral of the range rate the gap changes, and the standard error; NaN: not known."""
     steps = np.diff(t) * (rate[1:] + rate[:-1]) / 2.0
     area = np.append(0.0, np.cumsum(np.nan_to_num(steps)))
     holes = np.append(0, np.cumsum(~np.isfinite(steps)))
@@ -60,10 +88,9 @@ def of_times(t: Array, gap: Array, rate: Array) -> str:
     change, x = change[both], x[both]
     shared, power = float(change @ x), float(x @ x)
     if len(x) < _MIN_CHANGES or power == 0.0 or shared**2 <= _SAME * power * float(change @ change):
-        return ""
-    ratio = abs(shared) / power
-    near = any(abs(ratio / factor - 1.0) < _TIME_NEAR for factor in _TIME_FACTORS)
-    return f"the gap changes by {ratio:.3g} times the integral of the range rate" if near else ""
+        return float("nan"), float("nan")
+    rest = float(change @ change) - shared**2 / power
+    return abs(shared) / power, float(np.sqrt(max(rest, 0.0) / power / len(x)))
 
 
 def of_speed(t: Array, speed: Array, rate: Array | None) -> str:

@@ -27,8 +27,8 @@ def text_places(source: Source, by_role: Mapping[str, Found], wheres: Sequence[r
     texts = set()
     for role, column in by_role.items():
         if role == TIME:
-            if time_column.is_text(sample[column.place]):
-                texts |= {column.place, column.date_place} - {-1}
+            if column.parts or time_column.is_text(sample[column.place]):
+                texts |= {column.place, *(place for _, place in column.parts)}
         elif rows.is_text(sample[column.place]) and (
             role in IDS or (role in ROLES and ROLES[role].kind == "bool")
         ):

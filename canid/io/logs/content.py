@@ -6,18 +6,23 @@ import gzip
 import re
 import zlib
 from collections import Counter
+from collections.abc import Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 
 from canid.io.logs import formats
 from canid.io.logs.formats import Form
-from canid.io.logs.list_columns import BYTE, decoded, role_of
+from canid.io.logs.list_columns import byte_of, decoded, role_of
+from canid.io.logs.others import bare_lists
 from canid.values.errors import ConfigError
 
 # of python-can's .csv: a header of which most is there is one that is damaged
 _PYTHON_CAN, _MOST = {"timestamp", "arbitration_id", "extended", "remote", "error", "dlc", "data"}, 5
 # and those of them that no table of signals has
 _OF_PYTHON_CAN = {"arbitration_id", "extended", "remote", "dlc"}
+# a quote that opens a cell and is not closed in its line; and lines that one header may have
+_OPEN, _MAX_SPAN = re.compile(r'^[^"]*(?:"[^"]*"[^"]*)*(?:^|[,;\t])\s*"[^"]*$'), 200
 # bytes that are looked at; Vehicle Spy has some 60 lines before its first frame, and lines of Kvaser's header are long
 _BEGIN_BYTES = 65_536
 _MAX_LINES = 200
@@ -25,6 +30,9 @@ _MAX_LINES = 200
 COLOR = re.compile(r"\x1b\[[\d;]{0,16}m")
 _MARKS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"), (b"\xef\xbb\xbf", "utf-8"))
 # a cell of at least four bytes, as no table of signals has: 01 02 03 04, 0x01 0x02 0x03 0x04; three may be a date
+_CELLS_OF_BYTES = re.compile(
+    r"(?:^|[,;\t])\s*((0x)?[0-9a-f]{2}\s*[,;\t]\s*){3,63}(0x)?[0-9a-f]{2}\s*(?:[,;\t]|$)", re.I
+)
 _BYTES = re.compile(r"(x\| )?(0x)?[0-9a-f]{2}([ -]+(0x)?[0-9a-f]{2}){3,63}", re.IGNORECASE)
 # rows of one such cell each, in one column, that make a list of frames whatever its header's language
 _ROWS_OF_BYTES, _SHARE_OF_BYTES = 2, 0.3
@@ -61,7 +69,26 @@ def first_lines(path: Path) -> list[str]:
     lines = COLOR.sub("", begin[mark:].decode(name, errors="replace")).splitlines()
     # the last one may be cut
     whole = lines if len(begin) < _BEGIN_BYTES or len(lines) == 1 else lines[:-1]
-    return [line for line in whole if line.strip()][:_MAX_LINES]
+    filled = [line for line in whole if line.strip()][:_MAX_LINES]
+    return ["\n".join(filled[a:b]) for a, b in with_open_quotes(filled)]
+
+
+def with_open_quotes(lines: Sequence[str]) -> list[tuple[int, int]]:
+    """Which lines belong together, each as (first, last + 1): names in quotes that hold line feeds, above the first row.
+
+    >>> with_open_quotes(['a text', '"Time', '[s]","Gap', '[m]"', '0.1,20.4', '0.2,"'])
+    [(0, 1), (1, 4), (4, 5), (5, 6)]
+    """
+    out, at, above = list[tuple[int, int]](), 0, True
+    while at < len(lines):
+        end = at + 1
+        above = above and not re.match(r"\W?\d", lines[at])
+        if above and _OPEN.search(lines[at]):
+            quotes = accumulate(line.count('"') for line in lines[at : at + _MAX_SPAN])
+            end = at + next((k for k, n in enumerate(quotes, 1) if n % 2 == 0), 1)
+        out.append((at, end))
+        at = end
+    return out
 
 
 class Head(NamedTuple):
@@ -84,7 +111,8 @@ def head_of(path: Path) -> Head:
         for form in formats.FORMS:
             if (not form.suffixes or suffix in form.suffixes) and re.match(form.line, line, re.IGNORECASE):
                 return Head(form, lines)
-    if suffix in formats.TABLE_SUFFIXES and (any(is_frame_list(line) for line in lines) or has_bytes(lines)):
+    listed = suffix in formats.TABLE_SUFFIXES and (any(map(is_frame_list, lines)) or has_bytes(lines))
+    if listed or (not any(map(is_header, lines)) and bare_lists.form_of(lines) is not None):
         return Head(formats.UNKNOWN_LIST, lines)
     return Head(None, lines)
 
@@ -114,7 +142,7 @@ def is_frame_list(line: str) -> bool:
     (True, False, True)
     """
     cells = {cell for part in cells_of(decoded(line)) for cell in part.split("|")}
-    roles = {role_of(cell) for cell in cells} | {"data" for cell in cells if BYTE.fullmatch(cell)}
+    roles = {role_of(cell) for cell in cells} | {"data" for cell in cells if byte_of(cell) is not None}
     return {"id", "data"} <= roles and len(_PYTHON_CAN & cells) < _MOST
 
 
@@ -132,7 +160,10 @@ def has_bytes(lines: list[str]) -> bool:
         for k, cell in enumerate(re.split(r"[,;\t]", line))
         if _BYTES.fullmatch(cell.strip(" \"'"))
     )
-    most = max(columns.values(), default=0)
+    # in cells of their own, of which some have letters
+    cells = [match[0] for line in lines if (match := _CELLS_OF_BYTES.search(line))]
+    in_cells = len(cells) if re.search(r"[a-f]", "".join(cells).lower()) else 0
+    most = max(in_cells, *columns.values(), 0)
     return most >= _ROWS_OF_BYTES and most >= _SHARE_OF_BYTES * len(lines)
 
 

@@ -21,7 +21,7 @@ class Format(NamedTuple):
 
 
 # the suffixes of text that may be a log of any program: what it is, its first lines say
-TEXT_SUFFIXES = (".asc", ".log", ".csv", ".tsv", ".trc", ".txt", ".can", ".crtd", ".trace")
+TEXT_SUFFIXES = (".asc", ".log", ".csv", ".tsv", ".trc", ".txt", ".can", ".crtd", ".trace", ".json")
 # those that tables of named columns have as well, and those that nothing but tables has
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
 TABLES_ALONE = (".parquet", ".vbo", ".mcap", ".msl", ".lvm", ".xml", ".xml.gz")
@@ -91,9 +91,8 @@ FORMS = (
     ),
     Form(
         r"timestamp:\s+\d+\.\d+\s+ID:\s",
-        "is what python-can prints on the screen",
-        None,
-        "record with `python -m can.logger -f drive.asc`",
+        "what python-can prints on the screen",
+        Format("canid.io.logs.others.labelled_lines", "read_labelled", "python-can's output for the screen"),
     ),
     Form(r";\$(FILEVERSION|STARTTIME)|\s*\d+\)\s+-?[\d.]+\s", "a PCAN .trc", _TRC),
     Form(
@@ -108,7 +107,7 @@ FORMS = (
         suffixes=(".trc", ".log", ".txt"),
     ),
     Form(
-        r'"?timestamp"?,"?arbitration_id"?,|[\d.e+-]+,0x[0-9A-F]+,[01],[01],[01],\d+,',
+        r'"?timestamp"?,"?arbitration_id"?,"?ext|[\d.e+-]+,0x[0-9A-F]+,[01],[01],[01],\d+,',
         "python-can's .csv",
         _CSV,
     ),
@@ -149,10 +148,14 @@ FORMS = (
         Format("canid.io.logs.others.kvaser_text", "read_kvaser_text", "Kvaser's plain text"),
     ),
     Form(r"@ TEXT @", "is a trace of CARBUS Analyzer", None, _AS),
-    Form(r"\d+(\.\d+)?\s+\d?[RT](11|29)\s+[0-9A-F]+", "is a CRTD log", None, _AS),
-    Form(r"Microchip Technology", "is a log of Microchip's CAN Bus Analyzer", None, _AS),
     Form(
-        r'"?No\."?,"?Time"?,"?Source"?,',
+        r"\d+(\.\d+)?\s+\d{0,2}([RT](11|29)\s+[0-9A-F]+|CXX\b)",
+        "a CRTD log",
+        Format("canid.io.logs.others.crtd", "read_crtd", "CRTD log"),
+    ),
+    Form(r"Microchip Technology", "a log of Microchip's CAN Bus Analyzer", UNKNOWN_LIST.format),
+    Form(
+        r'"?No\."?[,\s]\s*"?Time"?[,\s]\s*"?Source"?[,\s]|.*"_source":',
         "is a list of packets of Wireshark",
         None,
         "save the capture there as .pcapng, which is read",

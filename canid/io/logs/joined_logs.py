@@ -21,7 +21,11 @@ class Axis:
     >>> axis = Axis(state)
     >>> axis.begin(10**18, ""), axis.begin(10**18 + 300 * 10**9, "line 22")
     (0, 300000000000)
-    >>> state.remarks
+    >>> axis.last = 400 * 10**9
+    >>> _ = axis.begin(10**18 + 300 * 10**9, "line 44")
+    >>> state.remarks[1][-22:]
+    'or a clock was not set'
+    >>> state.remarks[:1]
     ['a further log begins at line 22: its times continue at its own date, 2001-09-09 01:51:40 UTC']
     """
 
@@ -47,15 +51,18 @@ class Axis:
                 start - self._zero if known and start is not None and self._zero is not None else self.last
             )
             self._state.remark(
-                f"a further log begins at {where}: its times continue {_how(start, shift, known)}"
+                f"a further log begins at {where}: its times continue {_how(start, shift, known, self.last)}"
             )
         if self._zero is None and start is not None:
             self._zero = start - shift
         return shift
 
 
-def _how(start: int | None, shift: int, known: bool) -> str:
+def _how(start: int | None, shift: int, known: bool, last: int) -> str:
     if not known or start is None:
         return "at the end of the log before, since not both logs state their date"
     at = f"{_EPOCH + datetime.timedelta(microseconds=start // 1000):%Y-%m-%d %H:%M:%S} UTC"
-    return f"at its own date, {at}" + (", which is before the first log's" if shift < 0 else "")
+    if shift < 0:
+        return f"at its own date, {at}, which is before the first log's"
+    overlap = ", which is before the end of the log before: they overlap, or a clock was not set"
+    return f"at its own date, {at}{overlap if shift < last else ''}"

@@ -5,18 +5,23 @@ from __future__ import annotations
 import re
 
 # names in lower case, without blanks, points, hyphens, underscores and what is in brackets; those of byte columns are
-# in `BYTE`
+# in `_BYTE`
 ROLES = {
     "time": (
         "time timestamp timestamps timestampepoch abstime absolutetime timeabs systemtime reltime relativetime timeoffset "
-        "timeofday t ts zeit zeitstempel temps 时间标识 时间戳 时间 系统时间 時刻 время"
+        "timeofday timeepoch timerelative stamp secs headerstampsec t ts zeit zeitstempel temps "
+        "时间标识 时间戳 时间 系统时间 時刻 время"
     ),
     "date": "date datum 日期",
+    "rest": "nsecs nanosec nsec ns usecs usec us micros microseconds msecs msec ms millis milliseconds",
     "id": (
-        "id canid arbitrationid arbid identifier messageid msgid frameid canidentifier addr address kennung idhex iddec "
+        "id aid canid arbitrationid arbid identifier messageid msgid frameid canidentifier addr address kennung idhex iddec "
         "id号 帧id 报文id 識別子 идентификатор"
     ),
-    "data": "data databytes payload message msgdata framedata candata rawdata datahex databytehex daten 数据 データ данные",
+    "data": (
+        "data datafield databytes payload message msgdata framedata candata rawdata datahex databytehex daten 数据 データ "
+        "данные"
+    ),
     "length": "dlc len length datalength datalen dl bytes size msglen messagelength lange länge 长度 数据长度 長さ длина",
     "extended": (
         "ide ext extended xtd ex isextended extendedid isextendedid format frameformat idformat idtype 帧格式"
@@ -33,10 +38,10 @@ ROLES = {
 }  # fmt: skip
 _ROLE = {name: role for role, names in ROLES.items() for name in names.split()}
 # a column of one byte, and which
-BYTE = re.compile(r"(?:d|b|db|data|byte|databyte|数据)[\[(]?(\d{1,2})[\])]?")
-# what is in brackets or behind a stroke, and the structure of MDF before a name, as asammdf exports bus logging
+_BYTE = re.compile(r"(?:d|b|db|data|byte|databyte|数据)_?[\[(]?(\d{1,2})[\])]?")
+# what is in brackets or behind a stroke, and the path of a field before its name: in MDF, ROS messages, Wireshark's fields
 _BRACKETS = re.compile(r"[(\[].*?[)\]]|/.*$")
-_MDF = re.compile(r"^can_dataframe\.(can_dataframe\.)?")
+_PATH = re.compile(r"^%?(?:[a-z_]\w*\.)+(?=\w)")
 _UNITS = {
     "ns": 1, "us": 1_000, "µs": 1_000, "μs": 1_000, "micros": 1_000, "microseconds": 1_000, "ms": 1_000_000,
     "millis": 1_000_000, "milliseconds": 1_000_000, "0.1ms": 100_000, "s": 1_000_000_000, "sec": 1_000_000_000,
@@ -72,9 +77,10 @@ def role_of(cell: str) -> str:
     >>> [role_of(name) for name in ("Identifier (hex)", "CAN_DataFrame.DataBytes", "时间标识", "Time/ms", "Gap")]
     ['id', 'data', 'time', 'time', '']
     """
-    plain = _BRACKETS.sub("", _MDF.sub("", cell.strip(" \"'\t").lower()))
+    whole = _BRACKETS.sub("", cell.strip(" \"'\t").lower())
+    plain = _PATH.sub("", whole)
     name = re.sub(r"[\s._-]", "", plain)
-    role = _ROLE.get(name, "")
+    role = _ROLE.get(re.sub(r"[\s._-]", "", whole), "") or _ROLE.get(name, "")
     if (
         not role
         and (stem := re.fullmatch(r"(\D+?)_?([a-zµμ]+)", plain.strip()))
@@ -84,6 +90,16 @@ def role_of(cell: str) -> str:
     return role
 
 
+def byte_of(cell: str) -> int | None:
+    """Which byte a column of one holds, by its name; None: it is no such column.
+
+    >>> byte_of("Data[3]"), byte_of("field.data0"), byte_of("D 7"), byte_of("Data")
+    (3, 0, 7, None)
+    """
+    match = _BYTE.fullmatch(_PATH.sub("", cell.lower().replace(" ", "")))
+    return int(match[1]) if match else None
+
+
 def unit_of(cell: str) -> int:
     """The ns of the unit that the name of a column of times states; 0: none.
 
@@ -91,10 +107,22 @@ def unit_of(cell: str) -> int:
     (1000000, 1000000, 1000, 1000000000, 0)
     """
     text = cell.strip(" \"'\t").lower()
-    if text == "timestampepoch":  # of CSS Electronics
-        return _UNITS["s"]
+    if text == "timestampepoch" or re.fullmatch(
+        r"(.*\.)?(secs|stamp\.sec|frame\.time_(epoch|relative))", text
+    ):
+        return _UNITS["s"]  # of CSS Electronics, ROS and Wireshark
     match = _UNIT.search(text)
     return _UNITS.get(match[1], 0) if match else 0
+
+
+def rest_of(cell: str) -> int:
+    """The ns of the unit of a column with the rest of whole seconds, by its name.
+
+    >>> rest_of("usec"), rest_of("header.stamp.nanosec"), rest_of("ms")
+    (1000, 1, 1000000)
+    """
+    name = cell.strip(" \"'\t").lower().rpartition(".")[2]
+    return {"n": 1, "u": 1_000}.get(name[:1], 1_000 if name.startswith("mic") else 1_000_000)
 
 
 def base_of(cell: str) -> int:

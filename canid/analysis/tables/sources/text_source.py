@@ -16,6 +16,7 @@ from canid.analysis.tables.sources.cell_units import units_of, with_units
 from canid.analysis.tables.sources.grouped_numbers import any_by_commas, any_by_points, plain
 from canid.analysis.tables.sources.text_layout import MAX_PREAMBLE_LINES, encoding_of, layout
 from canid.analysis.tables.sources.text_rows import Rows, form
+from canid.io.logs.content import with_open_quotes
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import LineCount, blocks
 from canid.values.errors import ConfigError, DamagedLogError, LogError
@@ -89,7 +90,8 @@ class TextSource:
             if count.bad:
                 raise LogError(f"{self._path}: is not a table: a line has more than {MAX_LINE_BYTES:,} bytes")
             raise LogError(f"{self._path} is empty")
-        return texts[:most], numbers[:most]
+        parts = with_open_quotes([text.decode("latin-1") for text in texts[:most]])
+        return [b" ".join(texts[a:b]) for a, b in parts], [numbers[b - 1] for _, b in parts]
 
     def sample(self) -> list[list[str]]:
         """The texts of the first rows, a list per column; with a decimal point and without separators."""

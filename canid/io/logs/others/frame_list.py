@@ -15,6 +15,7 @@ from canid.io.logs.content import first_lines
 from canid.io.logs.frame_lines import Row, bus_of, checked_id, read
 from canid.io.logs.list_columns import decoded
 from canid.io.logs.local_time import epoch_ns
+from canid.io.logs.others import bare_lists
 from canid.io.logs.others.list_clock import Clock
 from canid.io.logs.others.table_layout import (
     COUNTER,
@@ -149,12 +150,14 @@ class _Reading:
     def take(self, text: str, line: Line) -> Row | str:
         """The frame of a line. Raises Bad."""
         layout, program, text = self._layout, self._program, decoded(text)
-        if not self._below or text == layout.header:
+        cells = cells_of_row(text, layout.delimiter)
+        if layout.bare and not self._below:
+            self._below = bare_lists.is_row(text, layout.delimiter)
+        if not self._below or (text == layout.header and not layout.bare):
             self._below = self._below or text == layout.header
             return "header lines"
         if text.startswith(("#", "//")):
             return "comments"
-        cells = cells_of_row(text, layout.delimiter)
         if cells[:1] == [layout.first] != [""]:
             return "header lines"
 
@@ -190,7 +193,13 @@ class _Reading:
                 return "frames that panda did not send"
             bus, flags = bus - _PANDA_SENT, flags | int(Flag.TX)
         announced = [_length(each) for each in cells_in("length")]
-        ns = self._ns(cells[layout.time] if layout.time < len(cells) else "")
+        at = (layout.date, layout.time) if layout.date >= 0 else (layout.time,)
+        ns = self._ns(" ".join(cells[k] if k < len(cells) else "" for k in at))
+        if layout.rest >= 0:
+            rest = cells[layout.rest] if layout.rest < len(cells) else ""
+            if not re.fullmatch(r"\d{1,9}", rest):
+                raise Bad("its time is damaged")
+            ns += int(rest) * layout.rest_ns
         if flags & Flag.REMOTE:
             return Row(ns, bus, id_, b"", flags, remote_length(min(announced, default=0)))
         data = self._data(cells, announced)
@@ -274,8 +283,14 @@ class _Reading:
                 words.pop()
         else:
             (at, *_) = layout.columns["data"]
+            if layout.bare:
+                cells = [*cells[:at], *bare_lists.octets(cells[at:], min(announced, default=0))]
             words = octets_of(cells[at]) if at < len(cells) else []
-            words += [word for cell in cells[at + 1 :] for word in octets_of(cell)] if layout.tail else []
+            words += (
+                [word for cell in cells[at + 1 :] for word in octets_of(cell)]
+                if layout.tail or layout.bare
+                else []
+            )
         try:
             data = bytes(int(word, layout.data_base) for word in words)
         except ValueError:

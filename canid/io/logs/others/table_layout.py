@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from canid.io.logs.formats import UNKNOWN_LIST
-from canid.io.logs.list_columns import BYTE, base_of, decoded, role_of, unit_of
+from canid.io.logs.list_columns import base_of, byte_of, decoded, rest_of, role_of, unit_of
+from canid.io.logs.others import bare_lists
 from canid.io.logs.others.list_clock import LoggerClock, is_clock
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
@@ -38,6 +39,8 @@ _WORDS = {10: "decimal", 16: "hexadecimal"}
 _SAME, _CLOCK_NS = 0.02, 500_000_000
 # share of the first times that may be earlier than the one before: times since the frame before are half of them
 _MAX_BACK = 0.25
+# frames that have one time, on average, from which on it is said that times are whole seconds
+_MAX_IN_A_SECOND = 4
 _LOGGER_HEAD = re.compile(r"#\s*(Logger type|Time format)\s*:", re.IGNORECASE)
 
 
@@ -59,13 +62,17 @@ ANY = Program()
 class Layout(NamedTuple):
     """How the rows of a list are read."""
 
-    header: str  # its line
+    header: str  # its line; "": it has none
     first: str  # its first cell
     delimiter: str
     columns: dict[str, tuple[int, ...]]  # role -> columns
     time: int  # the column of the times
+    date: int  # that of their dates; -1: none
+    rest: int  # that of the rest of their whole seconds; -1: none
+    rest_ns: int  # the unit of the rest
     octets: tuple[int, ...]  # the columns of one byte each; none: all are in that of the data
     tail: bool  # the bytes go on in the cells behind the last column
+    bare: bool  # it has no header, and as many bytes as it announces; what follows them is not read
     id_base: int
     data_base: int
     unit_ns: int  # of times; 0: a clock
@@ -94,25 +101,22 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         return ConfigError(f"{path}: {UNKNOWN_LIST.says}: {why}; {UNKNOWN_LIST.remedy}")
 
     at, delimiter, names = _header(lines)
-    if at < 0:
+    bare = bare_lists.form_of(lines) if at < 0 else None
+    if bare is not None:
+        delimiter, names = bare.delimiter, bare.names
+    elif at < 0:
         raise refused("no line names the columns; write one above the frames, as Time (s),ID (hex),Data")
     roles: dict[str, tuple[int, ...]] = {}
-    octets = {
-        int(match[1]): k
-        for k, name in enumerate(names)
-        if (match := BYTE.fullmatch(name.lower().replace(" ", "")))
-    }
+    octets = {n: k for k, name in enumerate(names) if (n := byte_of(name)) is not None}
     for k, name in enumerate(names):
         if k not in octets.values() and (role := role_of(name)):
             roles[role] = (*roles.get(role, ()), k)
-    (id_at, *more) = roles["id"]
+    of_rows = [cells_of_row(decoded(line), delimiter) for line in lines[at + 1 :]]
+    used = [k for k in roles["id"] if any(len(row) > k and ID.fullmatch(row[k]) for row in of_rows)]
+    (id_at, *more) = roles["id"] = tuple(used or roles["id"])
     if more:
         raise refused(f"{names[id_at]!r} and {names[more[0]]!r} may be its ids: leave one of them out")
-    rows = [
-        row
-        for line in lines[at + 1 :]
-        if len(row := cells_of_row(decoded(line), delimiter)) > id_at and ID.fullmatch(row[id_at])
-    ]
+    rows = [row for row in of_rows if len(row) > id_at and ID.fullmatch(row[id_at])]
     if not rows:
         raise refused("no id stands below its header")
     logger = (
@@ -141,6 +145,11 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         else _octets(cell.column(data_at)) or []
     )
     words += [word for row in rows for word in row[len(names) :]] if tail else []
+    if bare is not None:
+        announced = [row for row in rows if len(row) > bare.length and row[bare.length].isdecimal()]
+        words = [
+            w for row in announced for w in bare_lists.octets(row[bare.length + 1 :], int(row[bare.length]))
+        ]
     words = [word for word in words if word]
     named = names[data_at if data_at >= 0 else each[0]]
     data_base = base_of(named) or _known(16 if logger else program.data_base, words) or _data_base(words)
@@ -151,12 +160,15 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             raise refused(f"what the numbers in its column {names[k]!r} mean is not known: leave it out")
     time_at, unit, why = (*roles.get("time", (-1,))[:1], program.unit_ns, logger.refused if logger else "")
     if logger is None and not program.header:
-        time_at, unit, why = _times(cell, names, roles.get("time", ()), id_at)
+        time_at, unit, why = _times(cell, names, roles.get("time", ()), id_at, "rest" in roles)
     elif any(re.search(r"\d[.,]\d", word) for word in cell.column(time_at)):
         unit = 0 if logger else 10**9
     if why or time_at < 0:
         raise refused(why or "no column of it is named as one of times; write Time (s)")
     says = []
+    if bare is not None:
+        behind = f"; what stands behind the data, as {bare.behind!r}, is not read" if bare.behind else ""
+        says.append(f"it has no header: its columns are read as {', '.join(names)}{behind}")
     if program.id_base == 10 and base == 16:
         says.append("ids without 0x are read as hexadecimal numbers")
     elif program.id_base < 0 or not (
@@ -168,9 +180,19 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             f"times are read as {_UNITS[unit]}; write Time (s), (ms) or (us) in its header where it is not so"
         )
     by_width = not extended and base == 16 and {len(word) for word in ids if word.isalnum()} == {3, 8}
+    whole = unit == 10**9 and all(map(str.isdecimal, cell.column(time_at)))
+    rest, rest_ns = -1, 0
+    for k in roles.get("rest", ()) if whole else ():
+        parts, size = cell.column(k), 10**9 // rest_of(names[k])
+        if rest < 0 and all(word.isdecimal() and int(word) < size for word in parts) and len({*parts}) > 1:
+            rest, rest_ns = k, rest_of(names[k])
+    if whole and rest < 0 and len({*cell.column(time_at)}) < len(rows) / _MAX_IN_A_SECOND:
+        says.append("times are whole seconds: frames within one have the same time")
+    header = "" if bare else decoded(lines[at]).strip().rpartition("\n")[2]
     return Layout(
-        decoded(lines[at]).strip(), names[0], delimiter, roles | {"data": (data_at,)}, time_at,
-        each if data_at < 0 else (), tail, base, data_base, unit, by_width, logger, tuple(says),
+        header, "" if bare else names[0], delimiter, roles | {"data": (data_at,)}, time_at,
+        _of_day(cell, roles.get("date", ()), time_at), rest, rest_ns, each if data_at < 0 else (), tail,
+        bare is not None, base, data_base, unit, by_width, logger, tuple(says),
     )  # fmt: skip
 
 
@@ -198,9 +220,7 @@ def _header(lines: Sequence[str]) -> tuple[int, str, list[str]]:
         text = decoded(line).strip().lstrip("#% ")
         delimiter = max(",;\t|", key=text.count)
         names = [name.strip(" \"'") for name in text.split(delimiter)]
-        roles = {role_of(name) for name in names} | {
-            "data" for name in names if BYTE.fullmatch(name.lower().replace(" ", ""))
-        }
+        roles = {role_of(name) for name in names} | {"data" for name in names if byte_of(name) is not None}
         if {"id", "data"} <= roles:
             return k, delimiter, names
     return -1, "", []
@@ -271,9 +291,9 @@ def _data_base(words: list[str]) -> int:
 
 
 def _times(
-    cells: _Cells, names: Sequence[str], candidates: Sequence[int], id_at: int
+    cells: _Cells, names: Sequence[str], candidates: Sequence[int], id_at: int, rest: bool
 ) -> tuple[int, int, str]:
-    """The column of times, the ns of its unit (0: a clock), and why there is none."""
+    """The column of times, the ns of its unit (0: a clock), and why there is none. `rest`: seconds may be whole ones."""
     clocks = [k for k in candidates if all(map(is_clock, cells.column(k)))]
     why = ""
     for k in candidates:
@@ -283,7 +303,7 @@ def _times(
             continue
         values = [float(int(w, 16)) if counter else float(w.replace(",", ".")) for w in words]
         back = sum(b < a for a, b in pairwise(values))
-        if back > _MAX_BACK * len(values) or (len(values) > 9 and min(values) == max(values)):
+        if back > _MAX_BACK * len(values) or (len(values) > 9 and min(values) == max(values) and not rest):
             why = f"the times in its column {names[k]!r} do not go on"
             continue
         decimal = any(re.search(r"\d[.,]\d", word) for word in words)
@@ -305,6 +325,19 @@ def _times(
         0,
         why
         or (f"its times, such as {cells.column(candidates[0])[0]!r}, are not known" if candidates else ""),
+    )
+
+
+def _of_day(cells: _Cells, candidates: Sequence[int], time_at: int) -> int:
+    """The column of the dates of times of day; -1: none is known."""
+    times = cells.column(time_at)
+    return next(
+        (
+            k
+            for k in candidates
+            if all(is_clock(f"{day} {time}") for day, time in zip(cells.column(k), times, strict=True))
+        ),
+        -1,
     )
 
 
