@@ -166,6 +166,13 @@ def test_mistakes_are_named(planted: Planted, tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path)
     assert "is no folder of canid fleet" in refused("drivers")
     assert "DIR" in refused("a", "b", "c")
+    interrupted = tmp_path / "interrupted"
+    interrupted.mkdir()
+    (interrupted / "fleet.json").write_text(
+        '{"canid_fleet": 1, "command": "canid fleet logs -o interrupted"}'
+    )
+    assert "has no tables yet" in refused(interrupted, "drivers")
+    assert "is no folder" not in refused(interrupted, "drivers")
     damaged = tmp_path / "damaged"
     write(damaged, planted.rows)
     (damaged / "drives.parquet").write_bytes((damaged / "drives.parquet").read_bytes()[:1000])
