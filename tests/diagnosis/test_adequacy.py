@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,9 @@ from canid.models.diagnosis.diagnose import diagnose
 from canid.models.diagnosis.driver.driver_data import DriverData, sideways
 from canid.models.diagnosis.driver.driver_fit import baseline
 from canid.models.diagnosis.driver.driver_model import lagged
-from canid.models.diagnosis.fitting.likelihood import Noise
+from canid.models.diagnosis.driver.driver_search import Search
+from canid.models.diagnosis.fitting.likelihood import Noise, filtered
+from canid.models.diagnosis.fitting.uncertainty import newey_west
 from canid.models.diagnosis.prepared_drive import Prepared, ready
 from canid.models.effects import CATALOGUE
 from canid.values.findings import Verdict
@@ -203,6 +207,69 @@ def test_evidence_of_held_inputs_is_a_bound_of_chance() -> None:
     assert np.mean(np.exp(values)) < 3.0
 
 
+@pytest.mark.parametrize("strength", [0.5, 4.0])
+def test_held_inputs_have_the_evidence_of_every_sequence_of_stretches(seed: int, strength: float) -> None:
+    """Against one stretch at a time, and a sum of logarithms; also where the ratio is beyond the largest number."""
+    rng = np.random.default_rng(seed)
+    n, dt, past = 400, 0.1, int(rng.integers(0, 40))
+    A = np.r_[1.0, rng.normal(0.0, 0.3 / (past + 1), past)]
+    noise = Noise(A, 1.3, np.exp(0.2 * rng.normal(size=n)), np.empty(0))
+    x, rows, e = strength * np.cumsum(rng.normal(size=n)), rng.uniform(size=n) < 0.9, rng.normal(size=n)
+    answer = [held_perception.Response(x, 1.2, 0.3), held_perception.Response(np.roll(x, 3), -0.7, 0.0)]
+    size = held_perception._size(e, rows, dt)
+    left = np.where(rows, np.clip(e / size, -4.0, 4.0), 0.0)
+    lengths, behind = [10, 15, 20, 30, 45], 10
+    enter, on = np.log(dt / 20.0 / len(lengths)), np.log1p(-dt / 20.0)
+    driving = np.full(n + 1, -np.inf)
+    driving[0] = 0.0
+    for t in range(1, n + 1):
+        terms = [driving[t - 1] + on]
+        for k in lengths:
+            a = t - k - behind
+            # one that ends with the drive is not seen to end
+            if a < 0 or t == n:
+                continue
+            change = np.zeros(t - a)
+            for response in answer:
+                late = np.where(np.arange(t - a) < k, response.x[a] - response.x[a:t], 0.0)
+                decay = np.exp(-dt / response.tau) if response.tau else 0.0
+                y = 0.0
+                for i, seen in enumerate(late):
+                    y = decay * y + (1.0 - decay) * seen
+                    change[i] += response.gain * y
+            white = np.convolve(change, A)[: t - a] / (noise.sd * noise.size * size)[a:t]
+            white = np.where(rows[a:t], white, 0.0)
+            terms.append(driving[a] + enter + float(white @ (left[a:t] - 0.5 * white)))
+        driving[t] = np.logaddexp.reduce(terms)
+    found = held_perception.log_evidence(answer, e, rows, noise, dt)
+    assert found == pytest.approx(driving[-1], rel=1e-9, abs=1e-9)
+
+
+def test_what_is_too_small_to_fail_is_not_tested_twice(
+    prepared: Prepared, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a replicate only families that may fail are read: these have the p that they have with all tested twice."""
+    search = Search(prepared.fitted, prepared.data, prepared.fitted)
+    refits, refit = list[int](), refit_noise.refit
+
+    def counted(*given: Any) -> refit_noise.Refit:
+        refits.append(1)
+        return refit(*given)
+
+    monkeypatch.setattr(refit_noise, "refit", counted)
+    for explained in (0.0, 0.5, 9.0):
+        before = len(refits)
+        whole = adequacy.assess(search, prepared.data, explained)
+        between = len(refits)
+        alone = adequacy.assess(search, prepared.data, explained, material_alone=True)
+        assert len(refits) - between <= between - before
+        material = [family for family in whole.families if family.share >= whole.material]
+        assert material == [family for family in alone.families if family.share >= alone.material]
+        assert alone.failed == whole.failed
+    # next to a cause that explained so much
+    assert len(refits) == between > before
+
+
 @pytest.mark.parametrize("role", ["yaw_rate", "curvature"])
 def test_bends_are_those_of_the_yaw_rate_or_the_curvature(role: str) -> None:
     """To the left or the right; without either there are none to answer."""
@@ -233,3 +300,23 @@ def test_an_answer_to_the_roads_bends_is_seen(prepared: Prepared) -> None:
         families = [one for one in shapes(given, again) if one.name == "bends"]
         assert len(families) == 1
         assert (adequacy.spanned(families, given, again)[0].p < 1e-4) == seen
+
+
+def test_many_short_rows_are_filtered_as_a_few_long_ones(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for order in (0, 3, 11, 12, 32, 40):
+        A, rows = np.r_[1.0, rng.normal(size=order)], rng.normal(size=(200, 47))
+        expected = [np.convolve(row, A)[:47] for row in rows]
+        assert filtered(A, rows) == pytest.approx(np.array(expected), rel=1e-9, abs=1e-9)
+        assert filtered(A, rows[:1]) == pytest.approx(np.array(expected[:1]), rel=1e-9, abs=1e-9)
+
+
+def test_the_long_run_covariance_is_the_tapered_sum_of_autocovariances(seed: int) -> None:
+    """Newey & West 1987, eq. 5."""
+    g = np.random.default_rng(seed).normal(0.4, 1.0, (300, 3))
+    for lags in (0, 1, 7, 40):
+        total = g.T @ g
+        for lag in range(1, lags + 1):
+            cross = g[lag:].T @ g[:-lag]
+            total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
+        assert newey_west(g, lags) == pytest.approx(total, rel=1e-10, abs=1e-10)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,9 +16,10 @@ import fsspec
 from canid.analysis.fleet.failed import Failed
 from canid.analysis.fleet.job import Failure, Job, Status
 from canid.analysis.fleet.one_log.analysis import analyse
-from canid.analysis.fleet.planning import fetched
+from canid.analysis.fleet.planning import fetched, remote
 from canid.analysis.fleet.planning.fetched import Listed
 from canid.analysis.fleet.running.isolated import Child
+from canid.values.errors import ConfigError
 from tests.fleet import short_logs
 from tests.fleet.fleet_jobs import GENERIC, QUICK, URBAN, job, sparse
 from tests.fleet.test_isolated import numbers
@@ -41,6 +43,14 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
     return folder
+
+
+@pytest.fixture
+def unused_port() -> int:
+    """A port of this machine on which nobody listens."""
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        return int(bound.getsockname()[1])
 
 
 def of(url: str, size: int = -1, modified_ns: int = 0) -> Job:
@@ -132,3 +142,32 @@ def test_what_was_fetched_goes_with_a_child_that_is_ended(scratch: Path) -> None
         assert list(scratch.iterdir()) == []
     finally:
         child.close()
+
+
+@pytest.mark.parametrize(
+    ("code", "status", "outage"),
+    [
+        ("SlowDown", 503, True),
+        ("InternalError", 500, True),
+        ("TooManyRequests", 429, True),
+        ("NoSuchKey", 404, False),
+        ("AccessDenied", 403, False),
+        ("NoSuchBucket", 404, False),
+    ],
+)
+def test_a_storage_that_refuses_for_now_is_waited_for(code: str, status: int, outage: bool) -> None:
+    """S3's answers, as botocore raises them and as s3fs translates them; what will not pass is no outage."""
+    exceptions = pytest.importorskip("botocore.exceptions")
+    translate = pytest.importorskip("s3fs.errors").translate_boto_error
+    answer = {"Error": {"Code": code, "Message": "no"}, "ResponseMetadata": {"HTTPStatusCode": status}}
+    raised = exceptions.ClientError(answer, "GetObject")
+    assert remote.is_outage(raised) == remote.is_outage(translate(raised)) == outage
+    assert remote.is_outage(exceptions.EndpointConnectionError(endpoint_url="http://x"))
+    assert not remote.is_outage(exceptions.NoCredentialsError())
+
+
+def test_a_server_that_is_gone_when_it_is_listed_is_said_in_plain_words(unused_port: int) -> None:
+    with pytest.raises(ConfigError) as caught:
+        remote.listed(f"http://127.0.0.1:{unused_port}/logs/")
+    assert "its storage does not answer (Connection refused): check the address" in str(caught.value)
+    assert "ssl" not in str(caught.value)

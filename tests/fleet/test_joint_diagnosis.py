@@ -13,6 +13,7 @@ from canid.analysis.fleet.job import Failure, Job, Settings, Status
 from canid.analysis.fleet.planning.sources import read_source
 from canid.analysis.fleet.storage.database import opened, rows
 from canid.ui.cli import main
+from canid.ui.cli.commands import fleet_causes
 from tests.fixtures.fleet_folder import Planted, made, write
 
 EFFECT = "relative_speed_dead_zone"
@@ -121,3 +122,20 @@ def test_a_car_is_diagnosed_with_all_its_drivers_by_turns(tmp_path: Path, seed: 
     assert [one.log for one in of[0].together] == [logs[5], logs[2], logs[4]]
     assert (of[1]["subject"], of[1]["driver"], of[1]["car"]) == ("car", "", "shared")
     assert of[0].log not in {job.log for job, _ in jobs if not job.of_car}
+
+
+def test_what_is_unexplained_is_said_with_the_cause_that_is_nearest() -> None:
+    """A driver whose cause leaves a remainder is not one without a cause."""
+    clean = {"subject": "driver", "driver": "anna", "car": "van", "verdict": "adequate", "effect": None}
+    rows = [clean]
+    for k in range(7):
+        found = {"verdict": "unexplained", "effect": "asymmetric_gain", "surrogate": True}
+        rows.append(clean | found | {"driver": f"driver {k}"})
+    rows[1] |= {"effect": None}
+    said = fleet_causes._lines(rows[:3], 3, 3)
+    assert said[1:] == [
+        "  no cause is named",
+        "  unexplained: driver 0, driver 1 (nearest: asymmetric_gain)",
+    ]
+    assert fleet_causes._lines(rows, 8, 8)[-1].endswith("driver 4 (nearest: asymmetric_gain) and 2 more")
+    assert fleet_causes._lines([clean], 1, 1)[1:] == ["  no cause is named"]

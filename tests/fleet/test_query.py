@@ -8,10 +8,13 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from canid.analysis.fleet.answers import data_quality
 from canid.analysis.fleet.storage import generations, summary_tables
 from canid.analysis.fleet.storage.columns import DRIVERS
+from canid.analysis.fleet.storage.database import opened
 from canid.analysis.fleet.storage.queries import QUERIES
 from canid.ui.cli import Parser
 from canid.ui.cli.commands import fleet_query
@@ -88,6 +91,24 @@ def test_answers_are_those_of_the_tables(planted: Planted, capsys: pytest.Captur
     assert json.loads(capsys.readouterr().out) == []
 
 
+def test_a_reason_is_that_of_the_log_that_is_its_example(
+    tmp_path: Path, seed: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of several logs that failed alike, each with words of its own: in the query and on the page."""
+    rng = np.random.default_rng(seed)
+    of = made(tmp_path / "fleet", seed=seed, drivers=3, drives=3)
+    first = next(row for row in of.rows if row["status"] == "failed")
+    said = {f"/logs/{k}.blf": f"{number} bytes early" for k, number in enumerate(rng.permutation(20))}
+    rows = [first | {"log": log, "failure": "not_a_log", "reason": reason} for log, reason in said.items()]
+    write(of.folder, [row for row in of.rows if row["status"] != "failed"] + rows)
+    ask(of.folder, "failed", "--format", "json")
+    (answer,) = json.loads(capsys.readouterr().out)
+    assert (answer["logs"], answer["reason"]) == (20, said[answer["example"]])
+    with opened(of.folder) as db:
+        (counted,) = data_quality.failures(db)
+    assert (counted.number, counted.says) == (20, said[counted.examples[0]])
+
+
 @pytest.mark.parametrize(
     "sql",
     [
@@ -145,6 +166,13 @@ def test_mistakes_are_named(planted: Planted, tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path)
     assert "is no folder of canid fleet" in refused("drivers")
     assert "DIR" in refused("a", "b", "c")
+    interrupted = tmp_path / "interrupted"
+    interrupted.mkdir()
+    (interrupted / "fleet.json").write_text(
+        '{"canid_fleet": 1, "command": "canid fleet logs -o interrupted"}'
+    )
+    assert "has no tables yet" in refused(interrupted, "drivers")
+    assert "is no folder" not in refused(interrupted, "drivers")
     damaged = tmp_path / "damaged"
     write(damaged, planted.rows)
     (damaged / "drives.parquet").write_bytes((damaged / "drives.parquet").read_bytes()[:1000])

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from canid.analysis.fleet.answers import data_quality
 from canid.analysis.fleet.answers.labels import label
 from canid.analysis.fleet.answers.pooled import on_its_scale
+from canid.analysis.fleet.answers.sentences import sentences
 from canid.analysis.fleet.answers.summary import current, summarise
 from canid.analysis.fleet.storage.columns import POOLED, natural
 from canid.analysis.fleet.storage.database import opened, rows
@@ -28,6 +30,7 @@ from canid.values.fleet_summary import (
     Counted,
     Counts,
     Driver,
+    Excluded,
     FleetSummary,
     Kind,
     Next,
@@ -162,6 +165,23 @@ def test_little_data_is_a_page_as_well(tmp_path: Path, planted: Planted, drives:
     assert page(summarise(folder), Provenance()) == html
     if drives == "unknown":
         assert of.excluded[0].number == 1
+
+
+def test_one_log_is_counted_in_the_singular(summary: FleetSummary) -> None:
+    counts = summary.counts._replace(logs=5, ok=1, damaged=1, failed=1, duplicates=1, open=1)
+    one = summary._replace(
+        counts=counts, excluded=data_quality.excluded([Excluded("a", "anna", "too short")])
+    )
+    first, second, *_ = sentences(one)
+    assert "1 is damaged and was read in part, 1 more is a copy, 1 is not analysed yet" in first
+    assert second == "1 drive with results does not count for the population; too short"
+    several = one._replace(
+        counts=counts._replace(damaged=2, duplicates=2, open=2),
+        excluded=data_quality.excluded([Excluded(log, "anna", log) for log in "ab"]),
+    )
+    first, second, *_ = sentences(several)
+    assert "2 are damaged and were read in part, 2 more are copies, 2 are not analysed yet" in first
+    assert second == "2 drives with results do not count for the population; most often: a"
 
 
 def test_hostile_names_are_inert(summary: FleetSummary) -> None:

@@ -92,7 +92,8 @@ def excluded(drives: Iterable[Excluded]) -> tuple[Counted, ...]:
 def _counted(db: Any, sql: str) -> tuple[Counted, ...]:
     counted = rows(
         db,
-        f"SELECT what, count(*) AS n, min(says) AS says, list(name ORDER BY name)[:{EXAMPLES}] AS names "
+        # what is said is said of the first example
+        f"SELECT what, count(*) AS n, arg_min(says, name) AS says, list(name ORDER BY name)[:{EXAMPLES}] AS names "
         f"FROM ({sql}) GROUP BY what ORDER BY n DESC, what",
     )
     return tuple(Counted(row["what"], row["n"], row["says"], tuple(row["names"])) for row in counted)

@@ -33,9 +33,9 @@ def sentences(summary: FleetSummary) -> tuple[str, ...]:
     if summary.excluded:
         most = summary.excluded[0]
         n = sum(reason.number for reason in summary.excluded)
-        out.append(
-            f"{plural(n, 'drive')} with results do not count for the population; most often: {most.what}"
-        )
+        several = "s with results do not count" if n > 1 else " with results does not count"
+        often = "most often: " if len(summary.excluded) > 1 else ""
+        out.append(f"{n:,} drive{several} for the population; {often}{most.what}")
     population = _first(summary)
     if population is not None:
         out += _spread(population)
@@ -80,11 +80,11 @@ def _counts(summary: FleetSummary) -> str:
     said = f"{good:,} of {c.logs - c.duplicates:,} logs have results"
     why = [
         f"{c.failed:,} failed" if c.failed else "",
-        f"{c.damaged:,} are damaged and were read in part" if c.damaged else "",
+        _agreeing(c.damaged, "is damaged and was read in part", "are damaged and were read in part"),
     ]
     why += [
-        f"{c.duplicates:,} more are copies" if c.duplicates else "",
-        f"{c.open:,} are not analysed yet" if c.open else "",
+        _agreeing(c.duplicates, "more is a copy", "more are copies"),
+        _agreeing(c.open, "is not analysed yet", "are not analysed yet"),
     ]
     named = ", ".join(filter(None, why))
     usable = f"{hours(c.usable)} of {hours(c.duration)} driven are usable"
@@ -112,6 +112,10 @@ def _between(parameter: Parameter) -> str:
     if parameter.between.low > 0.0:
         return f"drivers differ by a standard deviation of {spread(parameter, parameter.between)}"
     return f"between drivers no spread is shown (standard deviation {spread(parameter, parameter.between)})"
+
+
+def _agreeing(n: int, singular: str, several: str) -> str:
+    return f"{n:,} {singular if n == 1 else several}" if n else ""
 
 
 def _names(names: list[str]) -> str:

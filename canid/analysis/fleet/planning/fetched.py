@@ -96,7 +96,7 @@ def fetch(log: str, listed: Listed, folder: Path) -> Path:
         except Failed:
             raise
         except Exception as error:  # each storage has exceptions of its own
-            out = is_outage(error)
+            out = remote.is_outage(error)
             if out and pause is not None:
                 # what a storage keeps in memory of its folders may be of before
                 system.invalidate_cache()
@@ -143,31 +143,8 @@ def answers(log: str) -> bool:
         system.invalidate_cache()
         system.info(path)
     except Exception as error:  # each storage has exceptions of its own
-        return not is_outage(error)
+        return not remote.is_outage(error)
     return True
-
-
-def is_outage(error: BaseException) -> bool:
-    """Whether the storage did not answer, as far as the error or its causes say; fsspec calls that a missing file.
-
-    Example:
-        >>> is_outage(ConnectionResetError()), is_outage(FileNotFoundError()), is_outage(TimeoutError())
-        (True, False, True)
-    """
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, ConnectionError | TimeoutError):
-            return True
-        names = {each.__name__ for each in type(cause).__mro__}
-        if names & _OUTAGES or getattr(cause, "status", 0) in _STATUS:
-            return True
-        cause = cause.__cause__ or cause.__context__
-    return False
-
-
-# of aiohttp and botocore, which are optional: no connection, or one that ended; and what a server says of itself
-_OUTAGES = frozenset({"ClientConnectionError", "ClientPayloadError", "HTTPClientError"})
-_STATUS = frozenset({429, 500, 502, 503, 504})
 
 
 def _fetch(system: Any, path: str, target: Path, listed: Listed) -> None:

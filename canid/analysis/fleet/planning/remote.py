@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from datetime import datetime
 from email.utils import parsedate_to_datetime
@@ -39,6 +40,11 @@ def listed(url: str) -> list[Listed]:
     except ConfigError:
         raise
     except Exception as error:  # each storage has exceptions of its own
+        if is_outage(error):
+            raise ConfigError(
+                f"{brief(url)}: its storage does not answer ({_words(error)}): check the address, or run the same command "
+                "again when it does"
+            ) from None
         raise ConfigError(f"{brief(url)}: cannot be listed ({one_line(error)})") from None
     root = globs.parted(path)[0] if globs.is_pattern(path) else path.rstrip("/")
     if root in files:
@@ -59,6 +65,60 @@ def listed(url: str) -> list[Listed]:
     if not out:
         raise ConfigError(f"{brief(url)}: holds no log")
     return out
+
+
+# of aiohttp and botocore, which are optional: no connection, or one that ended; and what a server says of itself
+_OUTAGES = frozenset(
+    {
+        "ClientConnectionError",
+        "ClientPayloadError",
+        "HTTPClientError",
+        "EndpointConnectionError",
+        "ConnectTimeoutError",
+        "ProxyConnectionError",
+        "IncompleteReadError",
+    }
+)
+_STATUS = frozenset({429, 500, 502, 503, 504})
+
+
+def is_outage(error: BaseException) -> bool:
+    """Whether the storage did not answer, as far as the error or its causes say; fsspec calls that a missing file.
+
+    A storage that refuses for now ("SlowDown") answers as little as one that is gone.
+
+    Example:
+        >>> is_outage(ConnectionResetError()), is_outage(FileNotFoundError()), is_outage(TimeoutError())
+        (True, False, True)
+    """
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, ConnectionError | TimeoutError):
+            return True
+        names = {each.__name__ for each in type(cause).__mro__}
+        if names & _OUTAGES or _status(cause) in _STATUS:
+            return True
+        cause = cause.__cause__ or cause.__context__
+    return False
+
+
+def _status(error: BaseException) -> int:
+    """Status of the answer (RFC 9110, sec. 15), under the names that aiohttp, gcsfs, azure and botocore give it; 0: none."""
+    response = getattr(error, "response", None)
+    if isinstance(response, Mapping):
+        given = response.get("ResponseMetadata", {}).get("HTTPStatusCode", 0)
+    else:
+        # the first that there is: aiohttp warns of its further name
+        there = dir(error)
+        name = next((name for name in ("status", "status_code", "code") if name in there), "")
+        given = getattr(error, name, 0)
+    return given if isinstance(given, int) else 0
+
+
+def _words(error: BaseException) -> str:
+    """What the system says of a connection, where its number is known: libraries add how they tried it."""
+    number = error.errno if isinstance(error, OSError) else None
+    return os.strerror(number) if number is not None and number > 0 else one_line(error)
 
 
 def _found(system: Any, path: str) -> dict[str, Any]:

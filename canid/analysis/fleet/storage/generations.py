@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from canid.analysis.fleet.planning.listing import MARK
 from canid.analysis.fleet.storage.columns import SUMMARIES, TABLES
 from canid.analysis.fleet.storage.parquet_files import NEEDS_DUCKDB
 from canid.io.files import duckdb_files, opening
@@ -84,7 +85,12 @@ def is_folder(folder: str | Path) -> bool:
 
 
 def not_a_folder(folder: str | Path) -> ConfigError:
-    """The error for a folder without the tables."""
+    """The error for a folder without the tables: of none, or of a run that has not ended."""
+    if os.path.isfile(Path(folder) / MARK):
+        return ConfigError(
+            f"{folder}: has no tables yet: canid fleet is at work there, or was interrupted; run its command again, which "
+            f"goes on where it was ({MARK} holds it)"
+        )
     return ConfigError(
         f"{folder}: is no folder of canid fleet (logs.parquet and drives.parquet are missing); "
         "`canid fleet LOGS... -o DIR` writes one"

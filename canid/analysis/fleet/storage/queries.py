@@ -46,7 +46,7 @@ FROM events e JOIN drives d USING (key) WHERE e.kind = 'monitor' AND d.duplicate
     Query(
         "failed",
         "logs without results by reason, with one example each",
-        """SELECT failure, count(*) AS logs, min(reason) AS reason, min(log) AS example
+        """SELECT failure, count(*) AS logs, arg_min(reason, log) AS reason, min(log) AS example
 FROM logs WHERE status = 'failed' GROUP BY failure ORDER BY logs DESC, failure""",
     ),
     Query(

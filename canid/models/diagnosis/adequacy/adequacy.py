@@ -74,7 +74,9 @@ class Adequacy(NamedTuple):
     share: float  # of the residual's variance, the largest of a failed family
 
 
-def assess(search: Search, original: DriverData, explained: float = 0.0) -> Adequacy:
+def assess(
+    search: Search, original: DriverData, explained: float = 0.0, *, material_alone: bool = False
+) -> Adequacy:
     """Test what a model leaves against every family.
 
     Args:
@@ -82,18 +84,19 @@ def assess(search: Search, original: DriverData, explained: float = 0.0) -> Adeq
         original: the drive, with nothing taken out of it.
         explained: variance that its causes took from the residual, over what they left. The remainder is compared with
             that, because the true form of a cause never is exactly the one that is fitted.
+        material_alone: of families that are too small to fail no p is read: they are not tested twice.
     """
     data, solved = search.data, search.solved
-    families = shapes(data, solved)
-    families_tested = [*spanned(families, data, solved), _unsteady(data, solved), _held(data, solved)]
+    # movements between two decisions are not simulated and stay in the residual
+    decides = any(named.effect.intermittent for named in search.named)
+    material = max(MATERIAL_RESIDUAL_SHARE, LEFT_BEHIND_SHARE * max(explained, float(decides)))
+    by_columns = spanned(shapes(data, solved), data, solved, material if material_alone else 0.0)
+    families_tested = [*by_columns, _unsteady(data, solved), _held(data, solved)]
     families_tested += [
         Family(pattern.name, pattern.says, pattern.p, pattern.statistic, 1, pattern.share)
         for pattern in unnamed_patterns.detect(search, original)
     ]
     bound = (NAMED_CHANCE if search.named else FAMILY_CHANCE) / len(families_tested)
-    # movements between two decisions are not simulated and stay in the residual
-    decides = any(named.effect.intermittent for named in search.named)
-    material = max(MATERIAL_RESIDUAL_SHARE, LEFT_BEHIND_SHARE * max(explained, float(decides)))
     failed = [
         family
         for family in families_tested
@@ -112,8 +115,10 @@ def _white(columns: Array, solved: FittedModel[M]) -> Array:
     return out
 
 
-def spanned(families: list[Shapes], data: Columns, solved: FittedModel[M]) -> list[Family]:
-    """Test every family; those that show something twice."""
+def spanned(
+    families: list[Shapes], data: Columns, solved: FittedModel[M], material: float = 0.0
+) -> list[Family]:
+    """Test every family; those that show something, and a share of the residual as large as `material`, twice."""
     memory = refit_noise.noise_memory(solved)
     J = solved.fitted.jacobian
     Q = np.column_stack([memory, qr(J - memory @ (memory.T @ J), mode="economic")[0]])
@@ -134,7 +139,8 @@ def spanned(families: list[Shapes], data: Columns, solved: FittedModel[M]) -> li
         k = turn.shape[1]
         tested = score_test(X, turn, e, round(WHITENED_SCORE_LAG_S / data.output.dt))
         p, statistic = min(tested.best, tested.p), tested.statistic
-        if p < REFIT_CHANCE:
+        share = _share(tested.gain - k, data, solved)
+        if p < REFIT_CHANCE and share >= material:
             if model_directions is None:
                 model_directions = directions(data, solved)
                 plain = refit_noise.refit(data, solved, model_directions, memory).deviance
@@ -144,7 +150,6 @@ def spanned(families: list[Shapes], data: Columns, solved: FittedModel[M]) -> li
             won = max(plain - again.deviance, 0.0) / tested.variance_inflation
             p, statistic = min(p, float(chi2.sf(won, k))), max(statistic, won)
         # the best of two tests
-        share = _share(tested.gain - k, data, solved)
         out.append(Family(name, says, min(1.0, 2 * p), statistic, k, share))
     return out
 

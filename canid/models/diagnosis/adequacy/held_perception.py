@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import lfilter
 
 from canid.models.diagnosis.fitting.likelihood import Noise, filtered
@@ -26,6 +27,8 @@ RETURN_S = 1.0
 BEGIN_RATE_HZ = 1 / 20.0
 # standard deviations; an outlier is no stretch
 MAX_INNOVATION = 4.0
+# of one stretch, where the largest number ends; and of all, from which on they are scaled anew
+MAX_LOG_RATIO, MAX_RATIO = 450.0, 1e100
 # s; noise in bursts is as large as it has been for so long, which is known before each sample; and the least size
 BURST_S, MIN_SIZE = 5.0, 0.5
 
@@ -68,15 +71,24 @@ def log_evidence(responses: Sequence[Response], e: Array, rows: Flags, noise: No
     noise = noise._replace(size=noise.size * size)
     lengths = sorted({max(round(s / dt), 2) for s in HELD_S})
     behind = round(RETURN_S / dt)
-    gains = [(k + behind, _gain(responses, e, rows, noise, k, behind, dt).tolist()) for k in lengths]
-    enter, on = math.log(BEGIN_RATE_HZ * dt / len(gains)), math.log1p(-BEGIN_RATE_HZ * dt)
-    driving = [0.0] * (e.size + 1)
-    for t in range(1, e.size + 1):
-        terms = [driving[t - 1] + on]
-        terms += [driving[t - k] + enter + gain[t - k] for k, gain in gains if 0 <= t - k < len(gain)]
-        most = max(terms)
-        driving[t] = most + math.log(sum(math.exp(term - most) for term in terms))
-    return driving[-1]
+    enter, on = BEGIN_RATE_HZ * dt / len(lengths), 1.0 - BEGIN_RATE_HZ * dt
+    of_lengths = _gains(responses, e, rows, noise, lengths, behind, dt)
+    # (k, n): of a stretch that ends before each sample
+    ended = np.zeros((len(lengths), e.size + 1))
+    for into, k, gain in zip(ended, lengths, of_lengths, strict=True):
+        into[k + behind : k + behind + gain.size] = enter * np.exp(np.minimum(gain, MAX_LOG_RATIO))
+    # likelihood ratios until each sample, over that of `level`
+    spans, level = [k + behind for k in lengths], 0.0
+    driving = [0.0] * max(spans) + [1.0]
+    for ratios in ended.T[1:].tolist():
+        now = on * driving[-1]
+        for k, ratio in zip(spans, ratios, strict=True):
+            now += ratio * driving[-k]
+        driving.append(now)
+        if not 1.0 / MAX_RATIO < now < MAX_RATIO:
+            driving = [before / now for before in driving[-max(spans) - 1 :]]
+            level += math.log(now)
+    return level + math.log(driving[-1])
 
 
 def _size(e: Array, rows: Flags, dt: float) -> Array:
@@ -87,20 +99,47 @@ def _size(e: Array, rows: Flags, dt: float) -> Array:
     return np.asarray(np.sqrt(np.maximum(before, MIN_SIZE**2)))
 
 
-def _gain(
-    responses: Sequence[Response], e: Array, rows: Flags, noise: Noise, k: int, behind: int, dt: float
-) -> Array:
-    """Log likelihood ratio (n - k - behind,) of inputs held for k samples from each one on."""
-    n = e.size - k - behind
+def _gains(
+    responses: Sequence[Response],
+    e: Array,
+    rows: Flags,
+    noise: Noise,
+    lengths: Sequence[int],
+    behind: int,
+    dt: float,
+) -> list[Array]:
+    """Log likelihood ratios of inputs held from each sample on, one (n - k - behind,) for each length k.
+
+    While two stretches last they are the same: each further one is computed from where the shorter one ends.
+    """
+    longest, p = lengths[-1], noise.A.size - 1
+    n = e.size - lengths[0] - behind
     if n <= 0:
-        return np.zeros(0)
-    along = np.arange(n)[:, None] + np.arange(k + behind)
-    column = np.zeros(along.shape)
+        return [np.zeros(0) for _ in lengths]
+
+    def ahead(x: Array) -> Array:
+        """Of each sample, those from it on, (n, longest + behind)."""
+        return sliding_window_view(np.r_[x, np.zeros(longest - lengths[0])], longest + behind)[:n]
+
+    held, after = np.zeros((n, longest)), np.zeros((len(lengths), n, behind))
     for response in responses:
-        late = np.where(np.arange(k + behind) < k, response.x[:n, None] - response.x[along], 0.0)
-        decay = np.exp(-dt / response.tau) if response.tau > 0.0 else 0.0
-        column += response.gain * lfilter([1.0 - decay], [1.0, -decay], late, axis=1)
-    white = filtered(noise.A, column) / (noise.sd * noise.size)[along]
-    white = np.where(rows[along], white, 0.0)
-    out: Array = np.sum(white * (e[along] - 0.5 * white), axis=1)
+        decay = float(np.exp(-dt / response.tau)) if response.tau > 0.0 else 0.0
+        late = response.x[:n, None] - ahead(response.x)[:, :longest]
+        late = response.gain * lfilter([1.0 - decay], [1.0, -decay], late, axis=1)
+        held += late
+        for returned, k in zip(after, lengths, strict=True):
+            returned += late[:, k - 1 : k] * decay ** np.arange(1, behind + 1)
+    weight, left = ahead(np.where(rows, 1.0 / (noise.sd * noise.size), 0.0)), ahead(e)
+
+    def gain(column: Array, part: slice) -> Array:
+        white = column * weight[:, part]
+        return white * (left[:, part] - 0.5 * white)
+
+    until = np.cumsum(gain(filtered(noise.A, held), slice(longest)), axis=1)
+    out = []
+    for returned, k in zip(after, lengths, strict=True):
+        past = min(p, k)
+        column = filtered(noise.A, np.hstack([held[:, k - past : k], returned]))[:, past:]
+        whole = until[:, k - 1] + gain(column, slice(k, k + behind)).sum(axis=1)
+        out.append(whole[: max(e.size - k - behind, 0)])
     return out

@@ -136,20 +136,20 @@ def regained(
     ends = np.stack([np.full_like(answers.first, level), data.output.y - answers.extra])
     # where an effect adds something, that is another output for each guess
     kept = recent if recent is not None and isinstance(answers.extra, float) else RecentValues()
-    outer = kept.value("white", NO_PARAMETERS, lambda: whitened(without.noise, ends.T)[rows])
-    inner = whitened(without.noise, np.stack([answers.first, answers.second]).T)[rows]
-    white = np.column_stack([outer[:, 0], inner, outer[:, 1]])
-    before = without.fitted.scored.e[rows]
+    outer = kept.value("white", NO_PARAMETERS, lambda: whitened(without.noise, ends.T).T * rows)
+    inner = whitened(without.noise, np.stack([answers.first, answers.second]).T).T * rows
+    before = without.fitted.scored.e * rows
+    X, y = np.stack([outer[0], *inner]), outer[1]
     if np.isfinite(without.noise.freedom):
         # as Student's t weighs each sample in the model that is there
-        is_ = whitened(without.noise, data.output.y - without.fitted.model)[rows]
+        is_ = whitened(without.noise, data.output.y - without.fitted.model) * rows
         weight = np.sqrt(np.divide(before, is_, out=np.ones(is_.size), where=is_ != 0.0))
-        white, before = white * weight[:, None], weight * is_
-    X, y = white[:, :3], white[:, 3]
-    length = np.maximum(np.linalg.norm(X, axis=0), MIN_LENGTH)
-    gram = X.T @ X / np.outer(length, length)
-    gains = np.linalg.lstsq(gram, X.T @ y / length, rcond=RANK_TOLERANCE)[0] / length
-    left = y - X @ gains
+        X, y, before = X * weight, y * weight, weight * is_
+    square = X @ X.T
+    length = np.maximum(np.sqrt(np.diag(square)), MIN_LENGTH)
+    gram = square / np.outer(length, length)
+    gains = np.linalg.lstsq(gram, X @ y / length, rcond=RANK_TOLERANCE)[0] / length
+    left = y - gains @ X
     q = q.copy()
     q[[OFFSET, K1, K2]] = np.clip(gains, model.low[[OFFSET, K1, K2]], model.high[[OFFSET, K1, K2]])
     return Guess(q, max(float(before @ before - left @ left), 0.0))

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, qr
+from scipy.linalg import qr
 
 from canid.mathematics.identification.confidence import CHI_SQUARED_QUANTILE
 from canid.models.diagnosis.driver.driver_data import DriverData
@@ -104,16 +104,15 @@ def _found(
 ) -> RandomWalk:
     """Estimate from one initial noise model, and what it explains; `plain` is −2 log likelihood without any walk."""
     best: RandomWalk | None = None
-    profile = np.empty(STEP_SIZES_S.size)
     for turn in range(WALK_ALTERNATIONS):
         gram, b, without = explained if turn == 0 else _explained(data, solved, directions, shape, noise)
-        for k, q in enumerate(STEP_SIZES_S):
-            factor = cho_factor(np.eye(len(b)) + q * q * gram)
-            won = q * q * float(b @ cho_solve(factor, b))
-            profile[k] = without - won + 2 * float(np.log(np.diag(factor[0])).sum())
+        # by its eigenvalues, all sizes of a step at once
+        values, vectors = np.linalg.eigh(gram)
+        along, spread = vectors.T @ b, 1.0 + STEP_SIZES_S[:, None] ** 2 * np.maximum(values, 0.0)
+        shrunk = STEP_SIZES_S[:, None] ** 2 * along / spread
+        profile = without - shrunk @ along + np.log(spread).sum(axis=1)
         k = int(np.argmin(profile))
-        variance = float(STEP_SIZES_S[k])
-        steps = variance**2 * cho_solve(cho_factor(np.eye(len(b)) + variance**2 * gram), b)
+        variance, steps = float(STEP_SIZES_S[k]), vectors @ shrunk[k]
         added, headway = shape @ steps, walk @ steps
         noise = fit_noise(
             data.output,
@@ -184,12 +183,11 @@ def _explained(
     """Normal equations under a noise model; `directions` (n, k) are the derivatives of the model."""
     scored = score(data.output, solved.rows, noise, solved.fitted.model)
     rows = scored.slope == -1.0
-    X = np.where(rows[:, None], whitened(noise, shape), 0.0)
+    X = whitened(noise, shape) * rows[:, None]
     # the model's directions as this noise model weighs them
-    J = np.where(rows[:, None], whitened(noise, directions) * scored.slope[:, None], 0.0)
-    Q = qr(J, mode="economic")[0]
+    Q = qr(whitened(noise, directions) * np.where(rows, scored.slope, 0.0)[:, None], mode="economic")[0]
     e = np.where(rows, scored.e, 0.0)
-    along = Q.T @ e
-    X = X - Q @ (Q.T @ X)
+    along, taken = Q.T @ e, Q.T @ X
     without = float(scored.loss[rows].sum()) - float(along @ along)
-    return Explained(X.T @ X, X.T @ e, 2 * int(rows.sum()) * float(np.log(noise.sd)) + without)
+    sd = 2 * int(rows.sum()) * float(np.log(noise.sd))
+    return Explained(X.T @ X - taken.T @ taken, X.T @ e - taken.T @ along, sd + without)

@@ -54,8 +54,10 @@ def filtered(A: Array, rows: Array) -> Array:
         array([[2., 1., 3.]])
     """
     (k, n), p = rows.shape, A.size - 1
-    if p < SHORT:
-        return np.stack([np.convolve(row, A)[:n] for row in rows])
+    # of many short rows a call for each costs more than its sum
+    if p < SHORT and k <= n:
+        short = [np.convolve(row, A)[:n] for row in rows]
+        return np.stack(short) if k > 1 else short[0][None]
     if p > BLOCK:
         return np.asarray(lfilter(A, [1.0], rows, axis=1))
     blocks = -(-n // BLOCK)

@@ -106,10 +106,12 @@ def sandwich(fitted: Fitted, dt: float) -> Covariance:
 
 def newey_west(g: Array, lags: int) -> Array:
     """Sum of the autocovariances of g (n, k) up to some lags, tapered (Newey & West 1987): (k, k)."""
-    total: Array = g.T @ g
-    for lag in range(1, lags + 1):
-        cross = g[lag:].T @ g[:-lag]
-        total = total + (1 - lag / (lags + 1)) * (cross + cross.T)
+    # the taper is that of the products of sums over lags + 1 samples, of which each pair shares lags + 1 − lag
+    whole = np.zeros((len(g) + 2 * lags + 1, g.shape[1]))
+    np.cumsum(g, axis=0, out=whole[lags + 1 : lags + 1 + len(g)])
+    whole[lags + 1 + len(g) :] = whole[lags + len(g)]
+    sums = whole[lags + 1 :] - whole[: -lags - 1]
+    total: Array = sums.T @ sums / (lags + 1)
     return total
 
 

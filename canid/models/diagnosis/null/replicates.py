@@ -8,7 +8,7 @@ closes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 from zlib import crc32
@@ -72,8 +72,8 @@ class Replicate(NamedTuple):
 
 def simulated(
     drive: Drive, driver: FittedDriver, noise: Source, count: int, seed: list[int]
-) -> list[Replicate]:
-    """Simulate the drive again, several times side by side.
+) -> Iterator[Replicate]:
+    """Simulate the drive again, several times side by side; each is made when it is asked for.
 
     Args:
         drive: the recorded one.
@@ -82,16 +82,16 @@ def simulated(
         count: of replicates.
         seed: of the draws.
 
-    Returns:
-        those in which the driver follows; [] where the loop cannot be closed.
+    Yields:
+        those in which the driver follows; none where the loop cannot be closed.
     """
     data, dt = drive.data, drive.trace.dt
     if drive.role not in (PEDAL, ACCEL) or (drive.role == PEDAL and drive.vehicle.cars is None):
-        return []
+        return
     where = _stretches(drive)
     seconds = sum(stretch.stop - stretch.start for stretch in where)
     if seconds < MIN_SIMULATED_SHARE * float(np.count_nonzero(data.output.usable)):
-        return []
+        return
     rng = np.random.default_rng(seed)
     # a gain of headway below 0, which is chance, lets every gap go
     q = driver.q.copy()
@@ -113,12 +113,10 @@ def simulated(
     rows = np.clip(rows, 0, data.seen.t.size - 1)
     ride = Ride((driver,), (None,), (), car)
     done = closed_loop.driven(road, ride, columns, sampler(noise, rows, past, rng))
-    out = []
     for k in range(count):
         made = _replicate(drive, done, where, k * len(where), rng)
         if made is not None:
-            out.append(made)
-    return out
+            yield made
 
 
 def _stretches(drive: Drive) -> tuple[Stretch, ...]:

@@ -122,4 +122,5 @@ def _replicated(replicate: replicates.Replicate, search: Search, explained: floa
     if made is None:
         return None
     data, solved = made
-    return _sizes(adequacy.assess(Search(solved, data, solved, search.named), data, explained))
+    made_search = Search(solved, data, solved, search.named)
+    return _sizes(adequacy.assess(made_search, data, explained, material_alone=True))

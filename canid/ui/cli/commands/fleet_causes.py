@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from canid.analysis.fleet.job import Source
 
 DEFAULT_TIMEOUT_S = 4 * 3600.0
+# in one line
+MAX_NAMES = 5
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -121,8 +123,24 @@ def _lines(cause_rows: list[dict[str, Any]], planned: int, new: int) -> list[str
         (*car_effect, f"{n:,} driver{'' if n == 1 else 's'}") for car_effect, n in drivers.items()
     ]
     lines = [f"{planned:,} drivers and cars with several drives; {new:,} diagnosed now"]
-    lines += [f"  {effect} in {car}: {by}" for car, effect, by in sorted(named)]
-    return lines if named else [*lines, "  no cause is named"]
+    lines += [f"  {effect} in {car}: {by}" for car, effect, by in sorted(named)] or ["  no cause is named"]
+    return [*lines, *_unexplained(cause_rows)]
+
+
+def _unexplained(cause_rows: list[dict[str, Any]]) -> list[str]:
+    """Of whom the cause that explains most leaves a remainder, so that it is not named."""
+    from canid.values.findings import Verdict
+
+    left: dict[str, list[str]] = {}
+    for row in cause_rows:
+        if row.get("verdict") == Verdict.UNEXPLAINED.value:
+            effects = left.setdefault(row.get("driver") or row.get("car") or "", [])
+            effects += [row["effect"]] if row.get("effect") else []
+    each = [
+        f"{who} (nearest: {', '.join(effects)})" if effects else who for who, effects in sorted(left.items())
+    ]
+    more = f" and {len(each) - MAX_NAMES:,} more" if len(each) > MAX_NAMES else ""
+    return [f"  unexplained: {', '.join(each[:MAX_NAMES])}{more}"] if each else []
 
 
 def _sources(args: argparse.Namespace, folder: Path, wanted: set[str]) -> Mapping[str, Source]:
