@@ -93,7 +93,7 @@ def shown(effects: tuple[Effect, ...], data: DriverData, without: FittedDriver) 
             q[OFFSET] += q[K1] * (median - q[DESIRED])
             q[DESIRED] = median
         model = extended(without.model, effect)
-        d = direction(data, without, Q, pedal(model, data, q) - without.fitted.model)
+        d = direction(data, without, Q, pedal(model, data, q, A=without.noise.A) - without.fitted.model)
         out.append(Shown(effect, float(d @ d), d))
     return out
 
@@ -188,7 +188,7 @@ def _visible(
     effect: Effect, parameter: Parameter, data: DriverData, solved: FittedDriver, Q: Array, bound: float
 ) -> Visible:
     model = extended(solved.model, effect)
-    function = model.bind(data)
+    function = model.bind(data, solved.noise)
     begin = list(starts(effect, data, solved))
     q = begin[len(begin) // 2].copy()
     if effect.shows_desired_headway:

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from scipy.signal import lfilter
 
 from canid.models.diagnosis.driver.driver_data import DriverData
+from canid.models.diagnosis.driver.known_response import WHITE, known_response
+from canid.models.diagnosis.fitting.likelihood import Noise
 from canid.models.diagnosis.fitting.model import RecentValues, box
 from canid.models.effects.effect import Effect, Params, Seen, Value
 from canid.models.effects.wanted_gap import Form, error
@@ -91,10 +93,10 @@ class DriverModel(NamedTuple):
         fixed |= {k for k in constants if k not in OWN[self.form] and (k != DESIRED or not self.centred)}
         return tuple(k for k in range(len(self.low)) if k not in fixed)
 
-    def bind(self, data: DriverData) -> Callable[[Array], Array]:
+    def bind(self, data: DriverData, noise: Noise | None = None) -> Callable[[Array], Array]:
         """Return the simulated output as a function of the parameters alone."""
-        recent = RecentValues()
-        return lambda q: pedal(self, data, q, recent)
+        recent, A = RecentValues(), WHITE if noise is None else noise.A
+        return lambda q: pedal(self, data, q, recent, A)
 
     def ties(self, data: DriverData) -> Array | None:
         """Both answers share perception, pedal and car, so their lags and dead times are alike."""
@@ -396,9 +398,9 @@ def parts(model: DriverModel, data: DriverData, q: Array, recent: RecentValues |
 
 
 def responses(
-    model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None
+    model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None, A: Array = WHITE
 ) -> Responses:
-    """Answers behind the lags; arguments as in `parts`."""
+    """Answers behind the lags; arguments as in `pedal`."""
     kept, dt = recent or RecentValues(), data.output.dt
     used = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))
     entering, zeros = parts(model, data, q, kept), np.zeros(data.seen.t.size)
@@ -409,24 +411,48 @@ def responses(
     return Responses(
         behind("first", lambda: entering.gain * entering.e, TAU1, used.first),
         behind("second", lambda: entering.gain * entering.w, TAU2, used.second),
-        behind("behind", lambda: entering.extra, TAU2, used.behind) if used.extra.size else 0.0,
+        behind("behind", lambda: entering.extra, TAU2, used.behind) + _of_lead(model, data, q, kept, A)
+        if used.extra.size
+        else 0.0,
     )
 
 
-def pedal(model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None) -> Array:
+def _of_lead(model: DriverModel, data: DriverData, q: Array, kept: RecentValues, A: Array) -> Array | float:
+    """What the lead's acceleration adds behind the lag beyond that of `parts`, where it is known better since."""
+    out: Array | float = 0.0
+    for effect, where in zip(model.effects, model.where, strict=True):
+        theta, tau = _dead_times(model, data, q)[1], float(q[TAU2])
+        if effect.extra is None or not effect.shortens_dead_time or not isinstance(theta, float):
+            continue
+
+        def known(theta: float = theta, tau: float = tau) -> Array:
+            dt = data.output.dt
+            response = known_response(data.known.lead_accel, theta, tau if tau >= LEAST_LAG_S else 0.0, dt, A)
+            before = lagged(seen_late(data, theta).lead_accel, tau, dt)
+            return np.zeros_like(before) if response is None else response - before
+
+        differs = kept.value("of_lead", np.array([theta, tau]), known)
+        out = out + effect.extra(q[where], data.seen._replace(lead_accel=differs))
+    return out
+
+
+def pedal(
+    model: DriverModel, data: DriverData, q: Array, recent: RecentValues | None = None, A: Array = WHITE
+) -> Array:
     """Return the output that the driver would give, without noise and before its limits.
 
     Args:
         model: which causes.
         data: what he saw.
         q: (k,) parameters, in the order of `BASE` and then the causes'.
-        recent: as in `parts`.
+        recent: as in `parts`; of one `A`.
+        A: the noise model that the output is fitted with (`known_response.py`).
 
     Returns:
         (n,) output unit.
     """
     kept, dt = recent or RecentValues(), data.output.dt
-    answers = responses(model, data, q, kept)
+    answers = responses(model, data, q, kept, A)
     level = q[OFFSET]
     if model.begins:
         used = kept.value("inputs", NO_PARAMETERS, lambda: _inputs(model))

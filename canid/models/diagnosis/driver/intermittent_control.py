@@ -139,7 +139,7 @@ def _explains(
 ) -> float:
     """Evidence of a rhythm along its own direction, the model's directions (n, k) projected out."""
     model = extended(without.model, effect)
-    held = pedal(model, data, np.r_[without.q, rhythm, INITIAL_RELEASE_S])
+    held = pedal(model, data, np.r_[without.q, rhythm, INITIAL_RELEASE_S], A=without.noise.A)
     scored = without.fitted.scored
     d = whitened(without.noise, held - without.fitted.model) * scored.slope
     d[scored.slope != -1.0] = 0.0

@@ -131,7 +131,7 @@ def regained(
     recent: RecentValues | None = None,
 ) -> Guess:
     """Fit both gains, and the offset where it is free, by linear least squares, everything else fixed."""
-    answers, rows = responses(model, data, q, recent), without.fitted.scored.slope == -1.0
+    answers, rows = responses(model, data, q, recent, without.noise.A), without.fitted.scored.slope == -1.0
     level = 1.0 if OFFSET in model.free() else 0.0
     ends = np.stack([np.full_like(answers.first, level), data.output.y - answers.extra])
     # where an effect adds something, that is another output for each guess
@@ -225,7 +225,7 @@ def at_best_times(
             continue
         q = guess.copy()
         q[k] = -FAR_S
-        change = pedal(model, data, q) - without.fitted.model
+        change = pedal(model, data, q, A=without.noise.A) - without.fitted.model
         d = whitened(without.noise, change) * without.fitted.scored.slope
         # sums from each time on
         taken = _from_here(Q * d[:, None])
@@ -268,7 +268,7 @@ def _from_here(x: Array) -> Array:
 
 def costs(data: Columns, solved: FittedModel[M], k: int) -> Array:
     """−2 log likelihood (n,) with the change point at each sample, all else fixed; up to a constant."""
-    simulate = solved.model.bind(data)
+    simulate = solved.model.bind(data, solved.noise)
 
     def squares(time: float) -> Array:
         q = solved.q.copy()

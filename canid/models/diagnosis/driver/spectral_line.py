@@ -128,7 +128,7 @@ def with_phase_drift(
     amplitude, frequency = (float(x) for x in solved.q[where][:2])
     bare = solved.q.copy()
     bare[where.start] = 0.0
-    left = np.where(rows, data.output.y - pedal(solved.model, data, bare), 0.0)
+    left = np.where(rows, data.output.y - pedal(solved.model, data, bare, A=solved.noise.A), 0.0)
     size = round(max(MIN_PART_S, MIN_PART_CYCLES / frequency) / dt)
     parts = t.size // size
     if parts < MIN_PARTS:

@@ -76,7 +76,7 @@ def direction(data: Columns, without: FittedModel[M], Q: Array, change: Array) -
 def screened(effect: Effect, data: Columns, without: FittedModel[M], guesses: Iterable[Array]) -> list[Guess]:
     """Price every initial guess by what its direction explains of the residual."""
     model, Q = extended(without.model, effect), model_directions(without)
-    function, e = model.bind(data), without.fitted.scored.e
+    function, e = model.bind(data, without.noise), without.fitted.scored.e
     out = []
     for q in guesses:
         d = direction(data, without, Q, function(q) - without.fitted.model)

@@ -70,7 +70,7 @@ def problem(
     """Write a model's fit down as least squares."""
     moving = model.free() if free is None else free
     box = model.low, model.high, model.scale
-    return Problem(data.output, rows, noise, model.bind(data), moving, *box, model.ties(data))
+    return Problem(data.output, rows, noise, model.bind(data, noise), moving, *box, model.ties(data))
 
 
 def solve(

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
-from canid.models.diagnosis.fitting.likelihood import Output
+from canid.models.diagnosis.fitting.likelihood import Noise, Output
 from canid.models.effects.effect import Effect
 from canid.values.types import Array
 
@@ -83,8 +83,8 @@ class Model(Protocol):
         """Parameters that a fit may move."""
         ...
 
-    def bind(self, data: Any) -> Callable[[Array], Array]:
-        """Return the simulated output (n,) as a function of q alone."""
+    def bind(self, data: Any, noise: Noise | None = None) -> Callable[[Array], Array]:
+        """Return the simulated output (n,) as a function of q alone; `noise`: that it is fitted with."""
         ...
 
     def ties(self, data: Any) -> Array | None:

@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from canid.models.diagnosis.driver.driver_data import at_limits, filled
 from canid.models.diagnosis.driver.driver_model import delayed
-from canid.models.diagnosis.fitting.likelihood import Output
+from canid.models.diagnosis.fitting.likelihood import Noise, Output
 from canid.models.diagnosis.fitting.model import box
 from canid.models.diagnosis.masks import extended
 from canid.models.effects.effect import Effect, Seen
@@ -117,7 +117,7 @@ class LaneModel(NamedTuple):
         """Parameters that a fit may move."""
         return tuple(k for k in range(len(self.low)) if k != WANTED or self.centred)
 
-    def bind(self, data: LaneData) -> Callable[[Array], Array]:
+    def bind(self, data: LaneData, noise: Noise | None = None) -> Callable[[Array], Array]:
         """Return the simulated output as a function of the parameters alone."""
         return lambda q: steered(self, data, q)
 

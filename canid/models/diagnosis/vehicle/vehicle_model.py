@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg.blas import dtbsv
 
 from canid.models.diagnosis.driver.driver_model import lagged
+from canid.models.diagnosis.fitting.likelihood import Noise
 from canid.models.diagnosis.fitting.model import box
 from canid.models.diagnosis.vehicle.vehicle_data import VehicleData, VehicleSeen
 from canid.models.effects.effect import Effect, Value, VehicleState
@@ -52,7 +53,7 @@ class VehicleModel(NamedTuple):
         """All parameters."""
         return tuple(range(len(self.low)))
 
-    def bind(self, data: VehicleData) -> Callable[[Array], Array]:
+    def bind(self, data: VehicleData, noise: Noise | None = None) -> Callable[[Array], Array]:
         """Return the acceleration, as it is measured, as a function of the parameters alone."""
         return lambda q: data.as_measured(accel(self, data.seen, q, data.output.dt))
 
