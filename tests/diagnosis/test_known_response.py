@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from canid.models.diagnosis.causal_smoothing import followed
+from canid.models.diagnosis.causal_smoothing import OF_LEAD, followed
 from canid.models.diagnosis.driver.driver_model import delayed, lagged
 from canid.models.diagnosis.driver.known_response import known_response
 from canid.values.types import Array
@@ -21,11 +21,11 @@ def lead(seed: int, n: int) -> tuple[Array, Array]:
     accel = lfilter([1.0], [1.0, -0.98], rng.normal(0.0, 0.1, n))
     mean = 0.5 * (accel + np.r_[accel[0], accel[:-1]])
     speed = 20.0 + np.cumsum(mean) * DT + rng.normal(0.0, rng.uniform(0.05, 0.15), n)
-    known = followed(np.full(n, np.nan), speed, np.r_[True, np.zeros(n - 1, dtype=bool)], 15, DT)
+    known = followed(np.full(n, np.nan), speed, np.r_[True, np.zeros(n - 1, dtype=bool)], 15, DT, OF_LEAD)
     return accel, np.asfortranarray(known.x[:, :, 2].T)
 
 
-@pytest.mark.parametrize("A", ([1.0], [1.0, -0.9], [1.0, -0.5, 0.2, *[0.02] * 20]))
+@pytest.mark.parametrize("A", [[1.0], [1.0, -0.9], [1.0, -0.5, 0.2, *[0.02] * 20]])
 def test_of_what_is_known_at_once_it_is_the_lag(A: list[float], seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = np.cumsum(rng.normal(size=300)) + 50.0

@@ -6,7 +6,8 @@ conditional mean, so what it misses is uncorrelated with it (Berkson's case): it
 unsmoothed report would.
 
 Kalman filter on a white-jerk motion with fixed-lag smoothing for every lag at once (Bar-Shalom 2001, eq. 6.2.3-7;
-Anderson & Moore 1979, ch. 7), with the gain that it settles to. The reports' noise is taken from the data.
+Anderson & Moore 1979, ch. 7), with the gain that it settles to. The reports' noise is taken from the data. A lead's
+acceleration may fade (Singer 1970): if it does, and the filter does not know, what is known at once is 8 % too large.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from canid.values.types import Array
 
 # (m/s³)²·s; what lies between a calm motorway and brisk town traffic is tried, and the likeliest taken
 JERKS = (0.03, 0.1, 0.3, 1.0, 3.0)
+# s, in which an acceleration fades; tried for the lead
+MEMORIES_S = (math.inf, 6.0, 2.0)
 # samples that decide which
 JERK_SAMPLES = 3000
 # steps until the gain has settled, from anything; and change per step, relative, at which it has
@@ -33,6 +36,18 @@ STILL = 1e-9
 UNREPORTED_SD_M = 1e4
 
 
+class Motion(NamedTuple):
+    """How lively a motion is."""
+
+    jerk: float  # (m/s³)²·s
+    memory: float = math.inf  # s, in which its acceleration fades
+
+
+# of the relative motion, and of the lead
+RELATIVE = tuple(map(Motion, JERKS))
+OF_LEAD = tuple(Motion(jerk, memory) for jerk in JERKS for memory in MEMORIES_S)
+
+
 class Lagged(NamedTuple):
     """Column k holds x(t − k·dt), as known at t; the standard deviations are of the settled filter, one per lag."""
 
@@ -41,7 +56,7 @@ class Lagged(NamedTuple):
     lead_accel: Array  # (n, lags) m/s²
     gap_sd: Array  # (lags,) m
     range_rate_sd: Array  # (lags,) m/s
-    jerks: tuple[float, float]  # (m/s³)²·s, of the relative motion and of the lead
+    motions: tuple[Motion, Motion]  # the relative one, and that of the lead
 
 
 class Followed(NamedTuple):
@@ -49,7 +64,7 @@ class Followed(NamedTuple):
 
     x: Array  # (n, lags, 3): position, speed, acceleration
     sd: Array  # (lags, 3)
-    jerk: float  # (m/s³)²·s
+    motion: Motion
 
 
 class Filter(NamedTuple):
@@ -88,11 +103,15 @@ def roughness(x: Array, order: int) -> float:
     return float(np.median(np.abs(d)) / 0.6745 / np.sqrt(weight))
 
 
-def settled(jerk: float, gap_sd: float, rate_sd: float, dt: float) -> Filter:
+def settled(motion: Motion, gap_sd: float, rate_sd: float, dt: float) -> Filter:
     """Return the filter's steady state."""
     F = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    if math.isfinite(motion.memory):
+        fades = math.exp(-dt / motion.memory)
+        gained = motion.memory * (1.0 - fades)
+        F[:, 2] = motion.memory * (dt - gained), gained, fades
     a, b, c = dt**5 / 20, dt**4 / 8, dt**3 / 6
-    Q = jerk * np.array([[a, b, c], [b, dt**3 / 3, dt * dt / 2], [c, dt * dt / 2, dt]])
+    Q = motion.jerk * np.array([[a, b, c], [b, dt**3 / 3, dt * dt / 2], [c, dt * dt / 2, dt]])
     R = np.diag([gap_sd**2, rate_sd**2])
     H = np.eye(2, 3)
     P = np.diag([gap_sd**2, rate_sd**2, 1.0])
@@ -124,7 +143,7 @@ def run(
     Returns:
         states (n, 3) and innovations (n, 2), the latter NaN where there are none.
     """
-    (_, f01, f02), (_, _, f12) = settled.F[0].tolist(), settled.F[1].tolist()
+    (_, f01, f02), (_, _, f12), (_, _, f22) = settled.F.tolist()
     (g00, g01), (g10, g11), (g20, g21) = settled.G.tolist()
     out, innovations = [], []
     x = v = a = 0.0
@@ -135,7 +154,7 @@ def run(
             x, v, a = (0.0 if blind else z, w, 0.0) if started else (x, v, a)
             innovations.append((np.nan, np.nan))
         else:
-            x, v = x + f01 * v + f02 * a, v + f12 * a
+            x, v, a = x + f01 * v + f02 * a, v + f12 * a, f22 * a
             i = z - x if z == z else 0.0
             j = w - v if w == w else 0.0
             innovations.append((z - x, w - v))
@@ -161,7 +180,7 @@ def lagged(
     new: np.ndarray[tuple[int], np.dtype[np.bool_]],
     lags: int,
     dt: float,
-    jerks: tuple[float, float] | None = None,
+    motions: tuple[Motion, Motion] | None = None,
 ) -> Lagged:
     """Estimate gap, range rate and the lead's acceleration at every lag.
 
@@ -172,15 +191,15 @@ def lagged(
         new: (n,) another target from here on.
         lags: so many, from 0 on.
         dt: s.
-        jerks: how lively both motions are; None: what is likeliest.
+        motions: how lively both are; None: what is likeliest.
     """
-    tried = [JERKS if jerks is None else (jerk,) for jerk in jerks or (0.0, 0.0)]
-    pair = followed(gap, rate, new, lags, dt, tried[0])
-    lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt, tried[1])
+    relative, of_lead = (RELATIVE, OF_LEAD) if motions is None else ((motion,) for motion in motions)
+    pair = followed(gap, rate, new, lags, dt, relative)
+    lead = followed(np.full_like(gap, np.nan), speed + rate, new, lags, dt, of_lead)
     gaps, rates, accels = (
         np.asfortranarray(smoothed.x[:, :, k].T) for smoothed, k in ((pair, 0), (pair, 1), (lead, 2))
     )
-    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1], (pair.jerk, lead.jerk))
+    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1], (pair.motion, lead.motion))
 
 
 def followed(
@@ -189,7 +208,7 @@ def followed(
     new: np.ndarray[tuple[int], np.dtype[np.bool_]],
     lags: int,
     dt: float,
-    jerks: tuple[float, ...] = JERKS,
+    motions: tuple[Motion, ...] = RELATIVE,
 ) -> Followed:
     """Estimate a motion at every lag.
 
@@ -199,7 +218,7 @@ def followed(
         new: (n,) another motion from here on.
         lags: so many, from 0 on.
         dt: s.
-        jerks: of them the likeliest is taken.
+        motions: of them the likeliest is taken.
 
     Returns:
         `x` (lags, n, 3).
@@ -210,10 +229,10 @@ def followed(
         max(roughness(v, 2), QUIETEST_RATE),
     )
     part = slice(0, JERK_SAMPLES)
-    jerk, chosen = jerks[0], settled(jerks[0], x_sd, v_sd, dt)
-    if len(jerks) > 1:
-        filters = [(jerk, settled(jerk, x_sd, v_sd, dt)) for jerk in jerks]
-        jerk, chosen = min(filters, key=lambda f: unlikely(f[1], run(f[1], x[part], v[part], new[part])[1]))
+    motion, chosen = motions[0], settled(motions[0], x_sd, v_sd, dt)
+    if len(motions) > 1:
+        filters = [(motion, settled(motion, x_sd, v_sd, dt)) for motion in motions]
+        motion, chosen = min(filters, key=lambda f: unlikely(f[1], run(f[1], x[part], v[part], new[part])[1]))
     states, _ = run(chosen, x, v, new)
     n = len(states)
     first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
@@ -232,4 +251,4 @@ def followed(
         P = chosen.P + chosen.C @ (P - chosen.ahead) @ chosen.C.T
         covariances.append(P)
     sd = np.sqrt(np.maximum([np.diag(P) for P in covariances], 0.0))
-    return Followed(out, sd, jerk)
+    return Followed(out, sd, motion)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.models.diagnosis.causal_smoothing import Lagged, lagged
+from canid.models.diagnosis.causal_smoothing import Lagged, Motion, lagged
 from canid.models.diagnosis.fitting.likelihood import Output
 from canid.models.effects.effect import Seen
 from canid.values.findings import Flags
@@ -68,7 +68,7 @@ def prepare(
     trace: Trace,
     usable: Flags,
     begins: tuple[float, ...] = (),
-    jerks: tuple[float, float] | None = None,
+    motions: tuple[Motion, Motion] | None = None,
 ) -> DriverData:
     """Lay out the columns.
 
@@ -76,7 +76,7 @@ def prepare(
         trace: of a drive.
         usable: (n,) samples that no mask has taken.
         begins: s, of each further drive on the trace.
-        jerks: how lively the motions are that the driver follows; None: estimated.
+        motions: those that the driver follows; None: estimated.
     """
     signals, n = trace.signals, trace.t.size
     speed, gap = signals.get("speed", np.full(n, np.nan)), signals.get("gap", np.full(n, np.nan))
@@ -105,7 +105,7 @@ def prepare(
             reports[k] = signals[role]
     new = np.r_[True, np.diff(trace.segment) != 0] if n else np.zeros(0, dtype=bool)
     lags = round(KNOWN_LAGS_S / trace.dt)
-    known_then = lagged(reports[0], reports[1], filled_speed, new, lags, trace.dt, jerks)
+    known_then = lagged(reports[0], reports[1], filled_speed, new, lags, trace.dt, motions)
     t = trace.t - trace.t[0] if n else trace.t
     seen = Seen(
         t,

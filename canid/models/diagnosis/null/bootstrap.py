@@ -25,7 +25,7 @@ def refitted(replicate: Replicate, null: FittedDriver) -> tuple[DriverData, Fitt
         replicate: a drive of the null.
         null: its driver.
     """
-    data = prepare(replicate.trace, replicate.usable, jerks=replicate.jerks)
+    data = prepare(replicate.trace, replicate.usable, motions=replicate.motions)
     rows = likelihood.counted(data.output, null.noise.A.size - 1)
     if int(rows.sum()) < MIN_ROWS // 2:
         return None

@@ -15,7 +15,7 @@ from zlib import crc32
 
 import numpy as np
 
-from canid.models.diagnosis.causal_smoothing import QUIETEST_GAP, QUIETEST_RATE, roughness
+from canid.models.diagnosis.causal_smoothing import QUIETEST_GAP, QUIETEST_RATE, Motion, roughness
 from canid.models.diagnosis.driver import closed_loop
 from canid.models.diagnosis.driver.closed_loop import (
     ACCEL,
@@ -67,7 +67,7 @@ class Replicate(NamedTuple):
 
     trace: Trace
     usable: Flags  # (n,)
-    jerks: tuple[float, float]  # of the recorded drive: its lead, and a driver like its own
+    motions: tuple[Motion, Motion]  # of the recorded drive: its lead, and a driver like its own
 
 
 def simulated(
@@ -186,7 +186,7 @@ def _replicate(
         noisy = x + (rng.normal(0.0, sd, n) if sd > least else 0.0)
         signals[f"{role}_reported"] = np.where(np.isfinite(measured), noisy, np.nan)
     made = trace._replace(output=y, signals=signals, gate=tuple(gate), segment=segment, bound=bound)
-    return Replicate(made, usable & drive.usable, drive.data.known.jerks)
+    return Replicate(made, usable & drive.usable, drive.data.known.motions)
 
 
 class Null(NamedTuple):
