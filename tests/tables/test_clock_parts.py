@@ -148,3 +148,19 @@ def test_a_gap_without_a_unit_is_refused_where_it_is_in_yards(
         return
     with pytest.raises(ConfigError, match=says):
         written(tmp_path / "x.csv", of, head, cells)
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "1e400", "-", ""])
+@pytest.mark.parametrize("head", ["Time,ms", "hour,min,sec,ms", "GPS Week,GPS TOW (s)"])
+def test_a_part_that_is_no_number_is_no_exception(head: str, cell: str, tmp_path: Path, seed: int) -> None:
+    """A status or one clear line, whichever of the first rows it is in."""
+    of, stamps, _ = drawn(seed)
+    form = FORMS.get(head, lambda at: [f"{at:%H:%M:%S}", str(at.microsecond // 1000)])
+    cells = list(map(list, zip(*map(form, stamps), strict=True)))
+    cells[-1][seed % 100] = cell
+    try:
+        table = written(tmp_path / "x.csv", of, f"{head},{NAMES}", cells)
+    except ConfigError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+        return
+    assert np.isfinite(times(table)).all()

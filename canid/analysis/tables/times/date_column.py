@@ -119,7 +119,7 @@ def _rest(source: Source, times: Found) -> tuple[int, int] | None:
         cells = sample[place] if size and place != times.place else []
         rests, shown = [number(cell) for cell in cells], sample[times.place]
         rises = [(shown[k] == shown[k - 1], rests[k] >= rests[k - 1]) for k in range(1, len(rests))]
-        whole = all(x == round(x) and 0 <= x < size for x in rests) and not any(map(_PART.search, shown))
+        whole = all(0 <= x < size and x == round(x) for x in rests) and not any(map(_PART.search, shown))
         # it grows within a second, and begins anew with the next
         if whole and {(True, True), (False, False)} <= {*rises} and (True, False) not in rises:
             return place, size
