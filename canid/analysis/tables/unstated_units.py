@@ -87,10 +87,12 @@ def _of_changes(t: Array, gap: Array, rate: Array) -> tuple[float, float]:
     change, x, missing = (column[_ROWS::_ROWS] - column[:-_ROWS:_ROWS] for column in (gap, area, holes))
     both = np.isfinite(change) & (missing == 0)
     change, x = change[both], x[both]
-    shared, power, own = float(change @ x), float(x @ x), float(change @ change)
-    if len(x) < _MIN_CHANGES or not (0.0 < power < np.inf and np.inf > shared * shared > _SAME * power * own):
+    shared, power, changed = float(change @ x), float(x @ x), float(change @ change)
+    if len(x) < _MIN_CHANGES or not (
+        0.0 < power < np.inf and np.inf > shared * shared > _SAME * power * changed
+    ):
         return float("nan"), float("nan")
-    rest = own - shared * shared / power
+    rest = changed - shared * shared / power
     return abs(shared) / power, float(np.sqrt(max(rest, 0.0) / power / len(x)))
 
 
