@@ -522,7 +522,10 @@ def test_a_table_of_signals_in_whole_numbers_lists_no_frames(tmp_path: Path, see
         for k in range(99)
     ]
     path = tmp_path / "x.csv"
-    for head in ("time,rpm,brake,speed", "time,rpm,n,count"):
+    for head in (
+        "time,rpm,brake,speed", "time,rpm,n,count", "%time,lead.id,speed.data,gap.data",
+        "%time,field.header.frame_id,field.data0,field.data1",
+    ):  # fmt: skip
         path.write_text("\n".join([head, *rows]))
         assert is_table(path)
         with pytest.raises(ConfigError, match="table of named columns"):

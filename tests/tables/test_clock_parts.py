@@ -51,6 +51,10 @@ FORMS: dict[str, Callable[[datetime.datetime], list[str]]] = {
     ],
     "hours,minutes,seconds": lambda at: [str(at.hour), str(at.minute), f"{at.second}.{at.microsecond // 100_000}"],
     "hour,min,sec,ms": lambda at: [str(at.hour), str(at.minute), str(at.second), str(at.microsecond // 1000)],
+    "Date,utc_hour,utc_minute,utc_second": lambda at: [
+        f"{at:%Y-%m-%d}", str(at.hour), str(at.minute), f"{at.second}.{at.microsecond // 100_000}",
+    ],
+    "Time [h],Time [min],Time [s]": lambda at: [str(at.hour), str(at.minute), f"{at.second + at.microsecond / 1e6:.1f}"],
     "GPS Week,GPS TOW (s)": lambda at: [str((at - GPS).days // 7), f"{(at - GPS).total_seconds() % 604_800:.1f}"],
     "Week,Seconds": lambda at: [str((at - GPS).days // 7), f"{(at - GPS).total_seconds() % 604_800:.1f}"],
     "week,iTOW": lambda at: [str((at - GPS).days // 7), f"{round((at - GPS).total_seconds() * 1000) % 604_800_000}"],
@@ -69,7 +73,7 @@ def test_parts_of_the_clock_are_one_time(head: str, tmp_path: Path, seed: int) -
     )
     got = times(table)
     np.testing.assert_allclose(got, t - t[0], atol=1e-6)
-    dated = head.startswith(("Year", "GPS", "week", "Week"))
+    dated = head.startswith(("Year", "Date", "GPS", "week", "Week"))
     assert table.log.start_ns == (round(stamps[0].timestamp() * 1000) * 10**6 if dated else None)
     assert any("UTC is taken as 18 s behind" in note for note in table.notes) == ("eek" in head)
 
@@ -82,6 +86,18 @@ def test_a_gps_week_goes_over_and_one_of_ten_bits_states_no_date(tmp_path: Path,
         table = written(tmp_path / "x.csv", of, f"gps_week,tow [s],{NAMES}", cells)
         np.testing.assert_allclose(times(table), of.t, atol=1e-6)
         assert (table.log.start_ns is not None) == dated
+
+
+def test_parts_may_have_decimal_commas(tmp_path: Path, seed: int) -> None:
+    of, stamps, t = drawn(seed)
+    rows = ["Year;Month;Day;Hour;Minute;Second;" + NAMES.replace(",", ";")]
+    for at, *values in zip(stamps, 3.6 * of.speed, of.gap, of.rate, of.pedal, strict=True):
+        first = FORMS["Year,Month,Day,Hour,Minute,Second"](at)
+        rows.append(";".join([*first, *(f"{x:.5f}" for x in values)]).replace(".", ","))
+    (tmp_path / "x.csv").write_text("\n".join(rows))
+    table = open_table(tmp_path / "x.csv")
+    np.testing.assert_allclose(times(table), t - t[0], atol=1e-6)
+    assert table.log.start_ns == round(stamps[0].timestamp() * 1000) * 10**6
 
 
 def test_seconds_that_count_on_have_no_minutes(tmp_path: Path, seed: int) -> None:
@@ -132,3 +148,19 @@ def test_a_gap_without_a_unit_is_refused_where_it_is_in_yards(
         return
     with pytest.raises(ConfigError, match=says):
         written(tmp_path / "x.csv", of, head, cells)
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "1e400", "-", ""])
+@pytest.mark.parametrize("head", ["Time,ms", "hour,min,sec,ms", "GPS Week,GPS TOW (s)"])
+def test_a_part_that_is_no_number_is_no_exception(head: str, cell: str, tmp_path: Path, seed: int) -> None:
+    """A status or one clear line, whichever of the first rows it is in."""
+    of, stamps, _ = drawn(seed)
+    form = FORMS.get(head, lambda at: [f"{at:%H:%M:%S}", str(at.microsecond // 1000)])
+    cells = list(map(list, zip(*map(form, stamps), strict=True)))
+    cells[-1][seed % 100] = cell
+    try:
+        table = written(tmp_path / "x.csv", of, f"{head},{NAMES}", cells)
+    except ConfigError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+        return
+    assert np.isfinite(times(table)).all()

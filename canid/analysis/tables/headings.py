@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from canid.analysis.tables.heading_words import closing_in_words, role_in_words
+from canid.signals.vehicle.units import unit_of
 from canid.values.roles import ROLES
 
 
@@ -199,8 +200,17 @@ def role_of(heading: Heading) -> str | None:
     Example:
         >>> role_of(heading("v_ego [m/s]")), role_of(heading("Geschwindigkeit [km/h]")), role_of(heading("gate"))
         ('speed', 'speed', None)
+        >>> role_of(heading("FAV acc (m/s^2)")), role_of(heading("LV acc (m/s^2)")), role_of(heading("vehicle acc"))
+        ('accel', None, None)
     """
-    return _NAMED.get(heading.name) or role_in_words(heading.name)
+    role = _NAMED.get(heading.name) or role_in_words(heading.name)
+    if (
+        role is None
+        and (unit := unit_of(heading.unit or "")) is not None
+        and unit.dimension == "acceleration"
+    ):
+        return role_in_words(re.sub(r"(?<![a-z])acc(?![a-z])", "accel", heading.name))
+    return role
 
 
 def in_words(heading: Heading) -> bool:

@@ -78,6 +78,7 @@ def of_gap(t: Array, gap: Array, rate: Array) -> str:
     return f"the gap changes by {ratio:.4g} times the integral of the range rate, as {units}" if sure else ""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # damaged cells
 def _of_changes(t: Array, gap: Array, rate: Array) -> tuple[float, float]:
     """How many times the integral of the range rate the gap changes, and the standard error; NaN: not known."""
     steps = np.diff(t) * (rate[1:] + rate[:-1]) / 2.0
@@ -86,10 +87,12 @@ def _of_changes(t: Array, gap: Array, rate: Array) -> tuple[float, float]:
     change, x, missing = (column[_ROWS::_ROWS] - column[:-_ROWS:_ROWS] for column in (gap, area, holes))
     both = np.isfinite(change) & (missing == 0)
     change, x = change[both], x[both]
-    shared, power = float(change @ x), float(x @ x)
-    if len(x) < _MIN_CHANGES or power == 0.0 or shared**2 <= _SAME * power * float(change @ change):
+    shared, power, changed = float(change @ x), float(x @ x), float(change @ change)
+    if len(x) < _MIN_CHANGES or not (
+        0.0 < power < np.inf and np.inf > shared * shared > _SAME * power * changed
+    ):
         return float("nan"), float("nan")
-    rest = float(change @ change) - shared**2 / power
+    rest = changed - shared * shared / power
     return abs(shared) / power, float(np.sqrt(max(rest, 0.0) / power / len(x)))
 
 

@@ -170,14 +170,14 @@ def has_bytes(lines: list[str]) -> bool:
 def is_header(line: str) -> bool:
     """Whether a line is the header of a table of named columns: several names, and no number.
 
-    >>> is_header("time,speed [km/h],gap"), is_header("0.1,0x123,1"), is_header("a word")
+    >>> is_header("%time,speed [km/h],gap"), is_header("0.1,0x123,1"), is_header("a word")
     (True, False, False)
     >>> is_header("timestamp,arbitration_id,exten")  # of python-can's .csv, damaged
     False
     """
     if any(letter < " " and letter != "\t" for letter in line):
         return False  # no text
-    cells = [cell for cell in cells_of(line) if cell]
+    cells = [cell for cell in cells_of(line.lstrip("%")) if cell]
     return (
         len(cells) > 1 and not _OF_PYTHON_CAN & {*cells} and all(re.match(r"[^\W\d]", cell) for cell in cells)
     )

@@ -41,7 +41,9 @@ _ROLE = {name: role for role, names in ROLES.items() for name in names.split()}
 _BYTE = re.compile(r"(?:d|b|db|data|byte|databyte|数据)_?[\[(]?(\d{1,2})[\])]?")
 # what is in brackets or behind a stroke, and the path of a field before its name: in MDF, ROS messages, Wireshark's fields
 _BRACKETS = re.compile(r"[(\[].*?[)\]]|/.*$")
-_PATH = re.compile(r"^%?(?:[a-z_]\w*\.)+(?=\w)")
+_PATH = re.compile(
+    r"^%?(?:(?:can_dataframe|can|frame|flags|data|field|msg|header|stamp)\.)+(?!frame_id)(?=\w)"
+)
 _UNITS = {
     "ns": 1, "us": 1_000, "µs": 1_000, "μs": 1_000, "micros": 1_000, "microseconds": 1_000, "ms": 1_000_000,
     "millis": 1_000_000, "milliseconds": 1_000_000, "0.1ms": 100_000, "s": 1_000_000_000, "sec": 1_000_000_000,
@@ -76,6 +78,8 @@ def role_of(cell: str) -> str:
 
     >>> [role_of(name) for name in ("Identifier (hex)", "CAN_DataFrame.DataBytes", "时间标识", "Time/ms", "Gap")]
     ['id', 'data', 'time', 'time', '']
+    >>> [role_of(name) for name in ("can.id", "field.header.stamp", "field.header.frame_id", "lead.id", "speed.data")]
+    ['id', 'time', '', '', '']
     """
     whole = _BRACKETS.sub("", cell.strip(" \"'\t").lower())
     plain = _PATH.sub("", whole)

@@ -26,20 +26,18 @@ _RESTS = {
     1_000_000: ("us", "usec", "usecs", "micros", "microsecond", "microseconds"),
     1_000_000_000: ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanosecond", "nanoseconds"),
 }  # fmt: skip
-# names of columns with a part of the clock, the largest values that they have, and which of them stand before the minute
+# names of columns with a part of the clock, as `_part_names`, the largest values that they have; in the order of the clock
 _PARTS = {
     "year": (("year", "years", "yyyy"), 2100), "month": (("month", "months"), 12), "day": (("day", "days"), 31),
-    "hour": (("hour", "hours", "hh"), 24), "minute": (("minute", "minutes", "min", "mins"), 59),
+    "hour": (("hour", "hours", "hh", "std"), 24), "minute": (("minute", "minutes", "min", "mins"), 59),
 }  # fmt: skip
-_SECONDS = (("second", "seconds", "sec", "secs", "ss"), 60)
+_SECONDS = (("second", "seconds", "sec", "secs", "ss", "sek"), 60)
+_BY_UNIT = {"h": "hour", "min": "minute", "s": "second"}  # of columns of times
 # of hours up to twelve
 _HALVES = {"am_pm", "ampm"}
 # of GPS: weeks, and the time within them, in s, or in ms where it is above the s of a week
-_WEEK = (("gps_week", "gps_week_number", "gps_wn", "week"), 9999)
-_OF_WEEK = (
-    "gps_tow", "tow", "gps_time_of_week", "time_of_week", "gps_sow", "sow", "i_tow", "itow", "gps_itow", "seconds",
-    "gps_seconds", "seconds_of_week", "gps_seconds_of_week",
-)  # fmt: skip
+_WEEK = (("week", "week_number", "wn"), 9999)
+_OF_WEEK = ("tow", "time_of_week", "sow", "i_tow", "itow", "seconds", "seconds_of_week")
 _WEEK_S, _GPS_ZERO_S = 604_800, 315_964_800  # s, from 1970 to 6 January 1980
 # weeks from which on UTC is so many s behind GPS (IERS Bulletin C); receivers with ten bits count to 1,023 and begin anew
 _LEAPS, _MIN_WEEK = ((1930, 18), (1851, 17), (1695, 16), (1512, 15), (1356, 14), (0, 13)), 1024
@@ -61,7 +59,7 @@ def with_dates(source: Source, by_role: Mapping[str, Found]) -> Mapping[str, Fou
     places = [place for place, text in enumerate(source.headings) if heading(text).name in NAMES]
     places = [place for place in places if (cells := filled(sample[place])) and all(map(is_date, cells))]
     times = by_role.get(TIME)
-    if clock := _of_parts(source, times):
+    if clock := _of_parts(source, times, places):
         rest = _rest(source, clock)
         return {**by_role, TIME: clock if rest is None else clock._replace(rest=rest)}
     if times is None:
@@ -78,9 +76,13 @@ def with_dates(source: Source, by_role: Mapping[str, Found]) -> Mapping[str, Fou
     return {**by_role, TIME: times._replace(parts=(("date", places[0]),))}
 
 
-def _of_parts(source: Source, times: Found | None) -> Found | None:
+def _of_parts(source: Source, times: Found | None, dates: Sequence[int]) -> Found | None:
     """Times whose seconds have minutes, hours and dates, or GPS weeks, in columns of their own; None: they have none."""
-    sample, names = source.sample(), [heading(text).name for text in source.headings]
+    sample, heads = source.sample(), [heading(text) for text in source.headings]
+    names = [re.sub(r"^(utc|gps|local)_", "", head.name) for head in heads]
+    by_unit = [_BY_UNIT.get(head.unit or "") if role_of(head) == TIME else None for head in heads]
+    if {"minute", "second"} <= {*by_unit}:
+        names = [part or name for part, name in zip(by_unit, names, strict=True)]
 
     def place_of(known: tuple[str, ...], most: float, whole: bool = True) -> int:
         for place, name in enumerate(names):
@@ -95,14 +97,17 @@ def _of_parts(source: Source, times: Found | None) -> Found | None:
         seconds, places = place_of(_OF_WEEK, 1000.0 * _WEEK_S, False), {"week": week}
     elif min(places["minute"], seconds) < 0 or not _within_minutes(source, seconds):
         return None
-    if seconds < 0 or (times is not None and times.place != seconds):
+    if seconds < 0 or (times is not None and times.place != seconds and by_unit[seconds] is None):
         return None
     dated = min(places.get(part, -1) for part in ("year", "month", "day")) >= 0 and not _HALVES & {*names}
     parts = [
         (part, k) for part, k in places.items() if k >= 0 and (dated or part in ("hour", "minute", "week"))
     ]
-    head = source.headings[seconds]
-    return Found(seconds, ColumnEntry.model_validate(head), heading(head).unit, parts=tuple(parts))
+    if dates and not dated and "week" not in places and not _HALVES & {*names}:
+        parts = [("date", dates[0]), *parts]
+    return Found(
+        seconds, ColumnEntry.model_validate(heads[seconds].text), heads[seconds].unit, parts=tuple(parts)
+    )
 
 
 def _rest(source: Source, times: Found) -> tuple[int, int] | None:
@@ -114,7 +119,7 @@ def _rest(source: Source, times: Found) -> tuple[int, int] | None:
         cells = sample[place] if size and place != times.place else []
         rests, shown = [number(cell) for cell in cells], sample[times.place]
         rises = [(shown[k] == shown[k - 1], rests[k] >= rests[k - 1]) for k in range(1, len(rests))]
-        whole = all(x == round(x) and 0 <= x < size for x in rests) and not any(map(_PART.search, shown))
+        whole = all(0 <= x < size and x == round(x) for x in rests) and not any(map(_PART.search, shown))
         # it grows within a second, and begins anew with the next
         if whole and {(True, True), (False, False)} <= {*rises} and (True, False) not in rises:
             return place, size
@@ -163,25 +168,30 @@ def joined(parts: Sequence[str], columns: Sequence[Sequence[str]], times: Sequen
         ['1709805600500000000']
     """
     out, latest = [], ""
+    # under a decimal comma
+    times = [
+        time.strip().replace(",", ".") if len(parts) > 1 or "week" in parts else time.strip()
+        for time in times
+    ]
     in_ms = max((number(time) for time in times), default=0.0) > _WEEK_S
     for *before, time in zip(*columns, times, strict=True):
         cells = dict(zip(parts, before, strict=True))
-        if "date" in cells:
-            latest = cells["date"].strip() or latest
-            out.append(f"{latest} {time.strip()}" if time.strip() else "")
-            continue
-        numbers = {part: number(cell) for part, cell in (*cells.items(), ("second", time))}
-        if not all(x >= 0.0 and math.isfinite(x) for x in numbers.values()):
-            out.append("" if not time.strip() else "-")
+        latest = cells.pop("date", "").strip() or latest
+        numbers = {part: number(cell) for part, cell in cells.items()}
+        if cells:
+            numbers["second"] = number(time)
+        if not time or not all(x >= 0.0 and math.isfinite(x) for x in numbers.values()):
+            out.append("-" if time else "")
         elif "week" in cells:
-            week, of_week = int(numbers["week"]), Decimal(time.strip()) * (1 if in_ms else 1000)
-            leap = next(s for first, s in _LEAPS if week >= first)
-            zero = _GPS_ZERO_S - leap if week >= _MIN_WEEK else 0
+            week, of_week = int(numbers["week"]), Decimal(time) * (1 if in_ms else 1000)
+            zero = _GPS_ZERO_S - next(s for first, s in _LEAPS if week >= first) if week >= _MIN_WEEK else 0
             out.append(str((week * _WEEK_S + zero) * NS_PER_S + int(of_week * 1_000_000)))
         else:
-            day = "{year:04.0f}-{month:02.0f}-{day:02.0f} ".format(**numbers) if "day" in cells else ""
-            second = time.strip() if numbers["second"] >= 10.0 else f"0{time.strip()}"
-            out.append(f"{day}{numbers.get('hour', 0.0):02.0f}:{numbers['minute']:02.0f}:{second}")
+            if cells:
+                time = time if numbers["second"] >= 10.0 else f"0{time}"
+                time = f"{numbers.get('hour', 0.0):02.0f}:{numbers['minute']:02.0f}:{time}"
+            day = "{year:04.0f}-{month:02.0f}-{day:02.0f}".format(**numbers) if "day" in cells else latest
+            out.append(f"{day} {time}".strip())
     return out
 
 
