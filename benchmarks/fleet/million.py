@@ -89,6 +89,7 @@ def _make_tables(folder: Path, number: int) -> None:
 
     from canid.analysis.fleet.storage.columns import DRIVES, LOGS
     from canid.analysis.fleet.storage.consolidated import OF_THE_LOG
+    from canid.analysis.fleet.storage.generations import NOTE
 
     of_log = tuple(column for column in LOGS if column.name in OF_THE_LOG)
     for name, columns in (("logs", LOGS), ("drives", (*of_log, *DRIVES))):
@@ -96,7 +97,8 @@ def _make_tables(folder: Path, number: int) -> None:
         with duckdb.connect() as db:
             db.execute(
                 f"COPY (SELECT {chosen} FROM range({number}) AS of(n)) TO '{folder / name}.parquet' "
-                "(FORMAT parquet, COMPRESSION zstd)"
+                # of one generation, as a run writes them: those without are compared by their bytes
+                f"(FORMAT parquet, COMPRESSION zstd, KV_METADATA {{{NOTE}: 'synthetic'}})"
             )
 
 
