@@ -182,6 +182,21 @@ def test_of_a_wheel_whose_clock_runs_off_no_number_is_quoted(seed: int) -> None:
         assert ("clocks of wheel and offset" in report.says) != quoted
 
 
+@pytest.mark.slow("fits a drive of 10 min")
+@pytest.mark.parametrize("late", [4, -4, -8])
+@mostly(0.9)
+def test_a_car_shows_which_of_wheel_and_offset_is_late(late: int, seed: int) -> None:
+    """The wheel by 0.4 s, the offset by 0.4 and 0.8 s: a gain was half the truth, the driver alone shows neither."""
+    angle, offset = loop(0.3, np.random.default_rng(seed))
+    t = np.arange(N)
+    trace = drive(np.interp(t - max(late, 0), t, angle), np.interp(t + min(late, 0), t, offset))
+    says = armax_whole_drive.WHEEL_LATE if late > 0 else armax_whole_drive.CAR_LATE
+    assert armax_whole_drive.own_motion(trace, trace.learn) == (says, False)
+    found = armax_whole_drive.identify(trace, Orders())
+    assert found is not None
+    assert not QUOTED[found.channels["lateral_offset"].status]
+
+
 @pytest.mark.slow("simulates and fits a drive of 10 min")
 @pytest.mark.parametrize("effect", ["delay_drift", "gain_drift", "attention_gap"])
 @mostly(0.99)
