@@ -15,6 +15,8 @@ from canid.mathematics.estimators.armax import ARMAX
 from canid.mathematics.identification.armax.armax_batch import Orders
 from canid.values.findings import Verdict
 from canid.values.types import QUOTED, Estimate, LearnGate, Status, Trace
+from tests.plants import lane_two
+from tests.plants.lane_measurement import trace as sampled_trace
 from tests.plants.lane_tables import lane_drive
 from tests.plants.planted_drive import Array
 from tests.plants.quoted_intervals import trace
@@ -161,3 +163,45 @@ def test_an_offset_that_is_late_or_coarse_says_nothing_of_the_driver(seed: int) 
     report = canid.diagnose(drive(angle, coarse), arbitrated=False)
     assert report.verdict is Verdict.NOT_ENOUGH_DATA
     assert armax_whole_drive.INPUT_LATE in report.says
+
+
+@pytest.mark.slow("fits drives of 10 min")
+@mostly(0.9)
+def test_of_a_wheel_whose_clock_runs_off_no_number_is_quoted(seed: int) -> None:
+    """By 1000 ppm either way, as the car answers it: a gain was half the truth, and a dead time that drifts was named."""
+    rng = np.random.default_rng(seed)
+    angle, offset = loop(0.3, rng)
+    t = np.arange(N)
+    runs_off = np.interp(t + 1e-3 * rng.choice([-1, 1]) * (t - 0.5 * N), t, angle)
+    for given, quoted in ((angle, True), (runs_off, False)):
+        trace = drive(given, offset)
+        report = canid.diagnose(trace)
+        assert not report.findings
+        for channels in (canid.identify(trace, select_orders=False).channels, report.extended.channels):
+            assert bool(QUOTED[channels["lateral_offset"].status]) == quoted
+        assert ("clocks of wheel and offset" in report.says) != quoted
+
+
+@pytest.mark.slow("fits a drive of 10 min")
+@pytest.mark.parametrize("late", [4, -4, -8])
+@mostly(0.9)
+def test_a_car_shows_which_of_wheel_and_offset_is_late(late: int, seed: int) -> None:
+    """The wheel by 0.4 s, the offset by 0.4 and 0.8 s: a gain was half the truth, the driver alone shows neither."""
+    angle, offset = loop(0.3, np.random.default_rng(seed))
+    t = np.arange(N)
+    trace = drive(np.interp(t - max(late, 0), t, angle), np.interp(t + min(late, 0), t, offset))
+    says = armax_whole_drive.WHEEL_LATE if late > 0 else armax_whole_drive.CAR_LATE
+    assert armax_whole_drive.own_motion(trace, trace.learn) == (says, False)
+    found = armax_whole_drive.identify(trace, Orders())
+    assert found is not None
+    assert not QUOTED[found.channels["lateral_offset"].status]
+
+
+@pytest.mark.slow("simulates and fits a drive of 10 min")
+@pytest.mark.parametrize("effect", ["delay_drift", "gain_drift", "attention_gap"])
+@mostly(0.99)
+def test_a_driver_who_changes_is_no_clock_that_runs_off(effect: str, seed: int) -> None:
+    """The car answers the wheel alike, whatever its driver does, and on a road with curves."""
+    lane = lane_two.plant({effect: {}}, seed=seed, minutes=10.0, noise="slow", curves=3e-4 * (seed % 2))
+    sampled = sampled_trace({name: x for name, x in lane.columns.items() if name != "curvature"}, lane.dt)
+    assert armax_whole_drive.own_motion(sampled, sampled.learn) == ("", True)

@@ -7,10 +7,12 @@ import pytest
 
 import canid
 from canid.signals.samples import no_lane
+from canid.signals.signal_checks.drive_time import fitted_trace
 from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
 from canid.values.types import Array, Trace
 from tests.plants import lane_two
 from tests.plants.lane_measurement import ANGLE_STEP, OFFSET_STEP_M, rounded
+from tests.seeds import mostly
 
 MINUTES = 6.0
 
@@ -106,3 +108,23 @@ def test_estimates_do_not_depend_on_what_a_camera_sends_without_a_lane(seed: int
     absent, zeros = (gain(np.where(none, number, measured)) for number in (np.nan, 0.0))
     # half of the half width of its interval
     assert abs(zeros[0] - absent[0]) < 0.25 * (absent[2] - absent[1])
+
+
+@mostly(0.9)
+def test_nothing_is_learned_from_a_zero_that_stands_for_no_lane(seed: int) -> None:
+    """Of a drive whose offsets are used as where they are absent: 11 samples of the first second halved a gain."""
+    columns = drive(seed)
+    measured = rounded(columns["lateral_offset"], OFFSET_STEP_M)
+    none = holes(seed, columns["t"])
+
+    def learned(number: float) -> tuple[Array, Array]:
+        given = {name: x for name, x in columns.items() if name != "t"}
+        given["lateral_offset"] = np.where(none, number, measured)
+        trace = fitted_trace(canid.from_arrays(time=columns["t"], task="lane_keeping", **given))
+        return trace.inputs[:, 0], trace.learn & np.isfinite(trace.inputs[:, 0])
+
+    (zeros, used), (absent, known) = learned(0.0), learned(np.nan)
+    assert used.mean() > 0.5
+    # a stretch that begins near the middle of the lane differs by what the car moves in a second
+    assert not (used & ~known & (np.abs(zeros) < 1e-9)).sum() > 3
+    assert np.abs(zeros - absent)[used & known].max() < 0.05

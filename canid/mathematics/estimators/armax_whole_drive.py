@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from canid.mathematics.estimators import output_stamps, plausibility, pooling
+from canid.mathematics.estimators import dead_time_trend, output_stamps, plausibility, pooling
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification import feedback_bias, identifiability, residual_tests, rounding
 from canid.mathematics.identification.armax import (
     arx_recursive,
+    arx_slopes,
     box_jenkins,
     box_jenkins_channels,
     gain_and_delay,
@@ -22,6 +24,7 @@ from canid.mathematics.identification.armax import (
 from canid.mathematics.identification.armax.armax_batch import ArmaxFit, Orders, fit_armax
 from canid.mathematics.identification.armax.box_jenkins import BoxJenkinsFit
 from canid.mathematics.identification.armax.simulated_fit import armax_fit_percent
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.identifiability import gain_only, not_quotable
 from canid.mathematics.identification.output_filter import is_unknown
 from canid.values.types import Array, Channel, LearnGate, ResidualTests, Trace
@@ -40,6 +43,17 @@ INPUT_LATE = (
     "the output moves before the input that it answers: the input is recorded late, or in steps that hide how it moves, and "
     "no gain holds"
 )
+# s within which a car's offset answers its wheel: on clean drives of 10 min by 12 standard deviations and more
+CAR_ANSWERS_S = 0.4
+CAR_LATE = (
+    "the offset does not answer the wheel within 0.4 s, as a car does: it is recorded late, or in steps that hide how the "
+    "car moves, and no gain holds"
+)
+WHEEL_LATE = (
+    "the offset moves before the wheel that moves the car: the wheel is recorded late, and no gain holds"
+)
+# s; a clock that runs off by more over the drive, at the upper limit of 95 %, moves the input to where no gain holds
+MAX_CLOCK_DRIFT_S = 0.3
 # of the samples, in which an input has not moved since the last one: what rounding hides of its motion is then no noise of
 # its own (Widrow & Kollar 2008), and K comes out too small
 MAX_STILL_SHARE = 0.2
@@ -59,13 +73,15 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         return None
     fit, tests = fitted
     separate = _separate_poles(trace, usable) if several else None
-    which, late = "", ""
+    which, late, apart = "", "", ""
     if separate is not None:
         channels = separate.channels
     elif several:  # what inputs that share their poles cost each other is in no covariance
         channels = {name: Channel() for name in trace.input_names}
     else:
         channels, which, late = _by_arx(trace, usable, orders.nk)
+        apart, steady = own_motion(trace, usable)
+        late = late or ("" if steady else apart)
     explained = (
         armax_fit_percent(fit, trace.output, trace.inputs, usable, trace.segment, trace.dt)
         if separate is None
@@ -87,6 +103,7 @@ def identify(trace: Trace, orders: Orders) -> WholeDrive | None:
         specification=_specification(orders),
         details=_details(fit, trace.dt, channels, tests)
         | ({} if separate is None else {"box_jenkins": _box_jenkins(separate.fit, trace)})
+        | ({"dead_time_trend": apart} if apart else {})
         | {"says": "; ".join(reasons)},
         separate=None if separate is None else separate.fit,
         lines=(
@@ -168,7 +185,7 @@ def input_coarse(trace: Trace, usable: npt.NDArray[np.bool_], limit: float = MAX
 
 
 def _moves_first(trace: Trace, usable: npt.NDArray[np.bool_], best: Orders) -> bool:
-    """Does the output answer within the sample? Nobody does: what does so answers an input that is recorded late.
+    """Does the output answer within the sample? Neither driver nor car does: then one of both is recorded late.
 
     By plain least squares: without the bias by measurement noise the coefficients of an input that is known to millimetres
     have a far larger variance than is stated, and of 8 drives with nothing wrong one was taken to be late.
@@ -178,6 +195,61 @@ def _moves_first(trace: Trace, usable: npt.NDArray[np.bool_], best: Orders) -> b
         float(np.sign(b.sum()) * b[0]) > ANSWER_SIGMAS * sd
         for b, sd in zip(at_once[0].B, at_once[0].standard_errors.B[:, 0].tolist(), strict=True)
     )
+
+
+def own_motion(trace: Trace, usable: npt.NDArray[np.bool_]) -> tuple[str, bool]:
+    """Why no dead time holds of a wheel and an offset of which one is late, or has another clock, and whether a gain does.
+
+    A car answers its wheel soon, never before, and alike along a drive, whoever drives: where that delay drifts, two
+    clocks stamp them. "": nothing speaks against them.
+
+    Args:
+        trace: of a drive.
+        usable: (n,) samples that are fitted.
+
+    Example:
+        >>> from scipy.signal import lfilter
+        >>> from canid.values.types import LearnGate
+        >>> rng, t, every = np.random.default_rng(0), 0.1 * np.arange(6000), np.ones(6000, dtype=bool)
+        >>> angle, offset = lfilter([0.3], [1, -0.7], rng.normal(size=6000)), np.zeros(6000)
+        >>> for k in range(2, 6000): offset[k] = 0.9 * offset[k-1] + angle[k-2] + 0.1 * rng.normal()
+        >>> rest = offset[:, None], ("x",), (LearnGate.OPEN,) * 6000, every, np.zeros(6000, int), {}
+        >>> both = [Trace(0.1, t, np.interp((1 + ppm) * t, t, angle), *rest) for ppm in (0.0, 1e-3)]
+        >>> [(says[:26], gain) for says, gain in (own_motion(trace, every) for trace in both)]
+        [('', True), ('the clocks of wheel and of', False)]
+    """
+    trace = pooling.pooled(trace._replace(learn=trace.learn & usable))
+    car = trace._replace(output=trace.inputs[:, 0], inputs=trace.output[:, None], variance=None)
+    usable = car.learn & np.isfinite(car.output) & np.isfinite(car.inputs).all(axis=1)
+    fitted = _fitted(car, usable, _arx_orders(car, usable, Orders().nk))
+    if fitted is None:
+        return "", True
+    if not _answers_soon(fitted[0], car.dt):
+        return CAR_LATE, False
+    if _moves_first(car, usable, fitted[0].orders):
+        return WHEEL_LATE, False
+    drift = dead_time_trend.fit(*arx_slopes.products(fitted[0], car.output, car.inputs[:, 0], car.dt))
+    if drift is None or not drift.found:
+        return "", True
+    wide = NORMAL_QUANTILE * drift.sd
+    value, low, high = (1e6 * (abs(drift.rate) + x) for x in (0.0, -wide, wide))
+    says = (
+        f"the clocks of wheel and offset run apart by {value:.0f} ppm [{low:.0f}, {high:.0f}], by how the car answers the "
+        "wheel: no one dead time holds for all of the drive; stamp both by one clock"
+    )
+    return says, 1e-6 * high * car.dt * len(car.t) <= MAX_CLOCK_DRIFT_S
+
+
+def _answers_soon(fit: ArmaxFit, dt: float) -> bool:
+    """Whether what a step of the wheel has moved the offset by within `CAR_ANSWERS_S` is no chance.
+
+    To the side to which the wheel is turned in the end, the pole that integrates it aside.
+    """
+    first, count = fit.orders.na, min(max(round(CAR_ANSWERS_S / dt), 1), fit.orders.nb)
+    weights = np.arange(count, 0.0, -1.0)
+    covariance = fit.covariance[first : first + count, first : first + count]
+    moved = float(np.sign(fit.B[0].sum()) * (weights @ fit.B[0, :count]))
+    return moved > ANSWER_SIGMAS * math.sqrt(float(weights @ covariance @ weights))
 
 
 def input_late(trace: Trace, usable: npt.NDArray[np.bool_]) -> str:

@@ -1,9 +1,10 @@
 """Lateral offsets that stand for no lane: a number that a camera sends while it sees none, such as 0.
 
 A vehicle that moves changes its offset by small steps. A number that is reached or left by a jump, and stands still in
-between for much longer than numbers of this signal do, is none: 0 at once, another number when it does so again, as a
-camera may repeat any offset. One from which the signal moves on by a step was an offset: it is forgotten. A lane change is a
-jump too, and nothing stands still behind it.
+between for much longer than numbers of this signal do, is none: 0 the first time, another number when it does so again, as a
+camera may repeat any offset. Behind a jump that no noise makes, 0 is none from its first reading on; without any jump, when
+it stands three times as long. Another number from which the signal moves on by a step was an offset: it is forgotten. A lane
+change is a jump too, and nothing stands still behind it.
 """
 
 from __future__ import annotations
@@ -24,12 +25,16 @@ from canid.values.types import NAN, Array
 MAX_LATERAL_SPEED = 1.5
 # resolutions; a jump exceeds what the speed allows by more than rounding, and a step is no longer than the second
 ROUNDED, STEP = 1.5, 2.0
+# times as long a 0 that no jump begins or ends stands for no lane, as in a car that keeps to the middle
+ALONE = 3.0
 # s, and multiples of how long a number of this signal stays on average: so long a number without a movement is none
 STILL_S, STILL_STAYS = 1.0, 5.0
 # reports in that time
 MIN_REPORTS = 5
 # numbers over which their stay is averaged, and s, before the first one
 STAYS, FIRST_STAY_S = 50, 1.0
+# mean changes from one number to the next; a jump to 0 that is farther is no noise
+FAR_CHANGES = 8.0
 # that are remembered as having stood still once
 MAX_NUMBERS = 64
 # of one frame in this order
@@ -47,7 +52,8 @@ class State(NamedTuple):
     jumped: bool = False  # it did not follow from the offset before
     resolution: Annotated[float, POSITIVE] = math.inf  # m, smallest change so far
     stay: Annotated[float, NOT_NEGATIVE] = FIRST_STAY_S  # s, mean of a number
-    stays: int = 0  # of which it is the mean
+    change: Annotated[float, NOT_NEGATIVE] = 0.0  # m, mean between a number and the next
+    stays: int = 0  # of which these are the means
     stood: frozenset[float] = frozenset()  # m, numbers that have stood still once
     known: frozenset[float] = frozenset()  # m, those that stand for none
     none: bool = False  # the latest report was of no lane
@@ -78,7 +84,7 @@ def step(state: State, decoded: Decoded, t: Array) -> tuple[State, Decoded, Mapp
         >>> readings = RoleReadings("lateral_offset", rows, offset)
         >>> _, decoded, counts = step(init(), Decoded((readings,), (), ()), 0.05 * rows)
         >>> dict(counts), int(np.isnan(decoded.roles[0].value).sum())
-        ({'lateral_offset: 0 m stands still, no lane': 10}, 10)
+        ({'lateral_offset: 0 m stands still, no lane': 30}, 30)
     """
     items = sorted(
         (
@@ -125,11 +131,13 @@ def _report(state: State, t: float, offset: float, *, standing: bool) -> State:
     if offset == state.offset and recent:
         state = state._replace(t=t, reports=state.reports + 1)
         long = _stands_still(state)
-        if long and state.jumped and (offset == 0.0 or offset in state.stood):
+        alone = offset == 0.0 and _stands_still(state, ALONE)
+        if alone or (long and state.jumped and (offset == 0.0 or offset in state.stood)):
             state = state._replace(known=state.known | {offset})
-        return state._replace(none=offset in state.known and (state.jumped or long))
+        return state._replace(none=state.none or (offset in state.known and (state.jumped or long)))
     change = abs(offset - state.offset) if recent else NAN
     jump = not change <= MAX_LATERAL_SPEED * (t - state.t) + ROUNDED * min(state.resolution, change)
+    far = state.stays >= MIN_REPORTS and change > FAR_CHANGES * state.change
     if recent and change == change:
         state = _left(state, change, jump=jump)
     return state._replace(
@@ -138,7 +146,7 @@ def _report(state: State, t: float, offset: float, *, standing: bool) -> State:
         since=t,
         reports=1,
         jumped=jump,
-        none=jump and offset in state.known,
+        none=jump and (offset in state.known or (far and offset == 0.0)),
     )
 
 
@@ -149,16 +157,18 @@ def _left(state: State, change: float, *, jump: bool) -> State:
             return state._replace(known=state.known | {state.offset})
         return state._replace(stood=frozenset([*state.stood, state.offset][-MAX_NUMBERS:]))
     if state.none:
-        moved_on = {state.offset} if change <= STEP * state.resolution else set()
+        moved_on = {state.offset} - {0.0} if change <= STEP * state.resolution else set()
         return state._replace(known=state.known - moved_on)
     stays = min(state.stays + 1, STAYS)
     return state._replace(
         resolution=min(state.resolution, change),
         stay=state.stay + (state.t - state.since - state.stay) / stays,
+        change=state.change + (change - state.change) / stays,
         stays=stays,
     )
 
 
-def _stands_still(state: State) -> bool:
-    """Whether the run is longer than those of a signal that moves."""
-    return state.reports >= MIN_REPORTS and state.t - state.since >= max(STILL_S, STILL_STAYS * state.stay)
+def _stands_still(state: State, times: float = 1.0) -> bool:
+    """Whether the run is longer than those of a signal that moves, by so many times."""
+    lasts = times * max(STILL_S, STILL_STAYS * state.stay)
+    return state.reports >= MIN_REPORTS and state.t - state.since >= lasts

@@ -8,10 +8,12 @@ from canid.signals.samples import learning_gate, limited_lead
 from canid.signals.samples.lead import REPORTED
 from canid.signals.signal_checks.limited_values import sides
 from canid.values.findings import Flags
-from canid.values.types import NAN, Array, LearnGate, SignalFinding, Trace
+from canid.values.types import NAN, TASK_INPUTS, Array, LearnGate, SignalFinding, Trace
 
 # gates behind a lead, over which `LearnGate.LIMITED` has precedence where samples are judged one by one
 _FOLLOWS = (*learning_gate.SHOWS_DEMAND, LearnGate.BRAKE)
+# m; what floats leave of an offset of 0
+NO_OFFSET_M = 1e-9
 
 
 def with_limits(trace: Trace) -> Trace:
@@ -37,7 +39,7 @@ def with_limits(trace: Trace) -> Trace:
         >>> [gate.name for gate in limited.gate[:4]], int(limited.learn.sum())
         (['OPEN', 'LIMITED', 'LIMITED', 'OPEN'], 11)
     """
-    trace, hidden = learning_gate.with_limits(trace), dict[str, Flags]()
+    trace, hidden = without_lane(learning_gate.with_limits(trace)), dict[str, Flags]()
     for k, finding in enumerate(trace.findings):
         role, limited = sides(finding)
         if not finding.withholds or REPORTED.get(role) not in trace.signals:
@@ -52,6 +54,37 @@ def with_limits(trace: Trace) -> Trace:
         trace = _without(trace, at)._replace(findings=findings)
         hidden[role] = hidden.get(role, at) | at | np.isnan(trace.signals[REPORTED[role]])
     return _smoothed(trace, hidden)
+
+
+def without_lane(trace: Trace) -> Trace:
+    """Leave out lateral offsets of 0 that turn into a hole: until it was known that they stand for no lane they counted.
+
+    Args:
+        trace: of a drive.
+
+    Example:
+        >>> from canid.signals.samples.trace_assembly import trace
+        >>> from canid.values.types import Driver, Sample
+        >>> rows = [
+        ...     Sample(0.1 * k, 1.0, (x,), LearnGate.OPEN, True, 0, {})
+        ...     for k, x in enumerate([*[0.2] * 9, 0.0, 0.0, *[NAN] * 5])
+        ... ]
+        >>> given = trace(rows, Driver("lane_keeping", "steering_angle"), 0.1)
+        >>> [int(each.learn.sum()) for each in (given, without_lane(given))]
+        [16, 4]
+    """
+    if trace.input_names != TASK_INPUTS["lane_keeping"] or not len(trace.t):
+        return trace
+    offset = trace.inputs[:, 0]
+    holes = np.isnan(offset)
+    at, begins = np.zeros(len(holes), dtype=bool), np.flatnonzero(np.diff(holes.astype(int)) == 1) + 1
+    for begin in begins.tolist():
+        moves = np.flatnonzero(np.abs(offset[:begin]) > NO_OFFSET_M)
+        at[int(moves[-1]) + 1 if moves.size else 0 : begin] = True
+    if not at.any():
+        return trace
+    inputs = np.where(at[:, None], NAN, trace.inputs)
+    return trace._replace(inputs=inputs, learn=trace.learn & ~limited_lead.touched(at, trace.dt))
 
 
 def _smoothed(trace: Trace, hidden: dict[str, Flags]) -> Trace:

@@ -68,6 +68,9 @@ def answered(data: LaneData, fitted: FittedLane) -> bool:
 # 60 clean drives of two simulators (seeds 300000 to 300059) K came out 11 % too large in the mean and τ + θ 0.03 s too
 # short, with errors of 1.6 and 1.4 stated standard deviations.
 WIDER = 1.6
+# s, standard deviation of what two lags and a dead time take of the sum of a driver's lags: on 52 other clean drives (seeds
+# 970012 ff.) it came out 0.04 s too short in the mean, and its interval without this held on 41
+SUM_SD_S = 0.05
 
 
 def parameters(solved: FittedLane, data: LaneData, only: str = "") -> dict[str, dict[str, Interval]]:
@@ -99,7 +102,8 @@ def channels(solved: FittedLane, data: LaneData) -> dict[str, Channel]:
     # 11 to 15 of tests/plants/lane_two.py, at 20 Hz) with locks for 5, 10 and 25 % of the time K held on 26 of 40
     at_lock = bool((data.output.usable & data.output.hidden).any())
     free = all(q[k] < HIGH[k] - BOUND_SCALE_SHARE * SCALE[k] for k in (TAU, THETA))
-    known = identifiability.judge(gain, sd(K), sd(TAU), sd(THETA), sd(TAU, THETA), free)
+    sum_sd = float(np.hypot(sd(TAU, THETA), SUM_SD_S))
+    known = identifiability.judge(gain, sd(K), sd(TAU), sd(THETA), sum_sd, free)
     # a driver has three lags and more: of two lags and a dead time the sum alone is theirs (drive 500000 of
     # tests/plants/lane_tables.py: tau and the dead time missed, K and their sum held)
     status = Identifiable.SUM_ONLY if known is Identifiable.OK else known
@@ -110,7 +114,7 @@ def channels(solved: FittedLane, data: LaneData) -> dict[str, Channel]:
             gain,
             tau=estimate(TAU, 0.0, HIGH[TAU]),
             dead_time=_shifted(estimate(THETA, 0.0, HIGH[THETA]), late),
-            total=_shifted(interval(q[TAU] + q[THETA], sd(TAU, THETA), 0.0, HIGH[TAU] + HIGH[THETA]), late),
+            total=_shifted(interval(q[TAU] + q[THETA], sum_sd, 0.0, HIGH[TAU] + HIGH[THETA]), late),
         )
     }
 

@@ -45,7 +45,7 @@ class Baseline(NamedTuple):
     corrected: Corrected
     data: LaneData
     fitted: FittedLane
-    late: str  # why the offset is taken to be recorded late; "": it is not
+    late: str  # why the offset is taken to be recorded late, or by another clock; "": it is neither
 
 
 class Searched(NamedTuple):
@@ -90,6 +90,7 @@ def prepare(corrected: Corrected) -> Baseline:
     # the steps may be all that speaks against the driver
     if late and armax_whole_drive.input_coarse(trace, fitted_rows, lane_fit.VISIBLE_STILL_SHARE):
         raise TooLittleError(late, steps)
+    late = late or armax_whole_drive.own_motion(trace, fitted_rows)[0]
     return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted, late)
 
 
