@@ -179,19 +179,16 @@ def test_of_a_wheel_whose_clock_runs_off_no_number_is_quoted(seed: int) -> None:
         assert not report.findings
         for channels in (canid.identify(trace, select_orders=False).channels, report.extended.channels):
             assert bool(QUOTED[channels["lateral_offset"].status]) == quoted
-        assert ("clocks of wheel and offset" in report.says) != quoted
 
 
 @pytest.mark.slow("fits a drive of 10 min")
-@pytest.mark.parametrize("late", [4, -4, -8])
+@pytest.mark.parametrize("late", [4, 8])
 @mostly(0.9)
-def test_a_car_shows_which_of_wheel_and_offset_is_late(late: int, seed: int) -> None:
-    """The wheel by 0.4 s, the offset by 0.4 and 0.8 s: a gain was half the truth, the driver alone shows neither."""
+def test_a_car_shows_that_an_offset_is_late(late: int, seed: int) -> None:
+    """By 0.4 and 0.8 s: a gain was half the truth, and the driver alone does not always show it."""
     angle, offset = loop(0.3, np.random.default_rng(seed))
-    t = np.arange(N)
-    trace = drive(np.interp(t - max(late, 0), t, angle), np.interp(t + min(late, 0), t, offset))
-    says = armax_whole_drive.WHEEL_LATE if late > 0 else armax_whole_drive.CAR_LATE
-    assert armax_whole_drive.own_motion(trace, trace.learn) == (says, False)
+    trace = drive(angle, np.r_[np.zeros(late), offset[: N - late]])
+    assert armax_whole_drive.own_motion(trace, trace.learn) == (armax_whole_drive.CAR_LATE, False)
     found = armax_whole_drive.identify(trace, Orders())
     assert found is not None
     assert not QUOTED[found.channels["lateral_offset"].status]

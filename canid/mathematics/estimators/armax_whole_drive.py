@@ -46,11 +46,8 @@ INPUT_LATE = (
 # s within which a car's offset answers its wheel: on clean drives of 10 min by 12 standard deviations and more
 CAR_ANSWERS_S = 0.4
 CAR_LATE = (
-    "the offset does not answer the wheel within 0.4 s, as a car does: it is recorded late, or in steps that hide how the "
-    "car moves, and no gain holds"
-)
-WHEEL_LATE = (
-    "the offset moves before the wheel that moves the car: the wheel is recorded late, and no gain holds"
+    "the offset does not answer the wheel as a car does, within 0.4 s and not before: one of both is recorded late, or in "
+    "steps that hide how the car moves, and no gain holds"
 )
 # s; a clock that runs off by more over the drive, at the upper limit of 95 %, moves the input to where no gain holds
 MAX_CLOCK_DRIFT_S = 0.3
@@ -224,13 +221,10 @@ def own_motion(trace: Trace, usable: npt.NDArray[np.bool_]) -> tuple[str, bool]:
     fitted = _fitted(car, usable, _arx_orders(car, usable, Orders().nk))
     if fitted is None:
         return "", True
-    if not _answers_soon(fitted[0], car.dt):
-        return CAR_LATE, False
-    if _moves_first(car, usable, fitted[0].orders):
-        return WHEEL_LATE, False
     drift = dead_time_trend.fit(*arx_slopes.products(fitted[0], car.output, car.inputs[:, 0], car.dt))
     if drift is None or not drift.found:
-        return "", True
+        late = not _answers_soon(fitted[0], car.dt) or _moves_first(car, usable, fitted[0].orders)
+        return (CAR_LATE, False) if late else ("", True)
     wide = NORMAL_QUANTILE * drift.sd
     value, low, high = (1e6 * (abs(drift.rate) + x) for x in (0.0, -wide, wide))
     says = (
