@@ -5,7 +5,7 @@ A log and a vehicle file in, numbers out (times in s since the log's first frame
     >>> import canid
     >>> result = canid.identify("replay_logs/following_urban.blf", "generic", sliding=False)
     >>> print("K of range rate:", result.channels["range_rate"].K)
-    K of range rate: 5.6 [5.0, 6.2]
+    K of range rate: 5.6 [4.9, 6.2]
 
     read_vehicle(path)              a vehicle file: which signal of which DBC is the pedal, the gap, ...
     read_signals(log, vehicle)      every mapped signal as it came

@@ -134,10 +134,14 @@ def test_a_reading_beyond_it_ends_a_limit(seed: int) -> None:
     assert not (marks[6000:][rate[6000:] == 0.6] == 1.0).any()
 
 
-def test_chunks_do_not_matter(seed: int) -> None:
-    """One frame at a time, or all."""
+@pytest.mark.parametrize("holes", [False, True])
+def test_chunks_do_not_matter(holes: bool, seed: int) -> None:
+    """One frame at a time, or all; with holes as well, at a limit that is not known yet too."""
     gap, rate = motion(seed)
     gap, rate = coarse(gap, 0.2, 0.1, seed)[:2500], np.clip(coarse(rate, 0.05, 0.1, seed)[:2500], -0.4, 9.0)
+    if holes:
+        rng = np.random.default_rng(seed)
+        rate[rng.random(2500) < 0.02], gap[rng.random(2500) < 0.02] = np.nan, np.nan
     whole = limits_of(gap, rate, t=T[:2500])
     assert whole[0]
     for cut in (1, 33):

@@ -217,7 +217,9 @@ def _reading(watch: Watch, t: float, x: float, gap: float) -> Watch:
 
 def _may_be_limited(watch: Watch) -> bool:
     """Whether the latest reading stands at an extreme as at a limit: for longer than elsewhere, and reached with a slope."""
-    *_, (t, x) = watch.recent
+    if not watch.recent:
+        return False
+    t, x = watch.recent[-1]
     side = watch.high if x == watch.high.value else watch.low
     stay = t - watch.since
     if side.visit is None or x == 0.0 or not stay > STAY_FACTOR * watch.longest_stay:

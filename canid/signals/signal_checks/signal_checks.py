@@ -148,7 +148,7 @@ def forgotten_at(several: Iterable[SignalFinding]) -> frozenset[float]:
 
     Example:
         >>> limited = SignalFinding("range_rate_limited", ("range_rate",), 3.0, 80.0, "", "", True, until=140.0)
-        >>> wrong = SignalFinding("range_rate_sign", ("range_rate",), 0.0, 20.0, "", "", True, until=300.0)
+        >>> wrong = SignalFinding("speed_unit", ("speed",), 0.0, 20.0, "", "", True, until=300.0)
         >>> sorted(forgotten_at([limited, wrong]))
         [20.0, 80.0, 300.0]
     """
