@@ -138,14 +138,14 @@ def test_a_reading_beyond_it_ends_a_limit(seed: int) -> None:
 def test_chunks_do_not_matter(holes: bool, seed: int) -> None:
     """One frame at a time, or all; with holes as well, at a limit that is not known yet too."""
     gap, rate = motion(seed)
-    gap, rate = coarse(gap, 0.2, 0.1, seed)[:2500], np.clip(coarse(rate, 0.05, 0.1, seed)[:2500], -0.4, 9.0)
+    gap, rate = coarse(gap, 0.2, 0.1, seed)[:4000], np.clip(coarse(rate, 0.05, 0.1, seed)[:4000], -0.4, 9.0)
     if holes:
         rng = np.random.default_rng(seed)
-        rate[rng.random(2500) < 0.02], gap[rng.random(2500) < 0.02] = np.nan, np.nan
-    whole = limits_of(gap, rate, t=T[:2500])
+        rate[rng.random(4000) < 0.02], gap[rng.random(4000) < 0.02] = np.nan, np.nan
+    whole = limits_of(gap, rate, t=T[:4000])
     assert whole[0]
     for cut in (1, 33):
-        limits, left, marks = limits_of(gap, rate, cut, T[:2500])
+        limits, left, marks = limits_of(gap, rate, cut, T[:4000])
         assert limits == whole[0]
         np.testing.assert_array_equal(left, whole[1])
         np.testing.assert_array_equal(marks, whole[2])
