@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canid.mathematics.identification.fopdt import reduced_basis, regression_rows
+from tests.exact import exact
 from tests.identification.first_order_response import response
 
 BASIS = reduced_basis.basis(reduced_basis.Box(reduced_basis.TAU_MIN, 3.0, 1.5))
@@ -49,6 +50,29 @@ def test_a_stream_in_pieces_gives_the_rows_of_the_whole_at_every_prefix(seed, dt
     assert len(made) == len(whole)
 
 
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10**6),
+    dt=st.sampled_from([0.1, 0.05, 0.02]),
+    holes=holes,
+    cuts=st.lists(st.integers(1, 499), max_size=3, unique=True),
+    pieces=st.lists(st.integers(1, 64), min_size=1, max_size=60),
+)
+def test_what_is_made_of_a_prefix_does_not_depend_on_its_pieces(seed, dt, holes, cuts, pieces):
+    """To the last bit, of the state as well: live, rows are made at every estimate, of a recorded drive every 64 samples."""
+    layout, samples = regression_rows.make_layout(BASIS, 2, dt), stream(seed, 500, dt, holes, cuts)
+    state, one, at = regression_rows.State(), regression_rows.State(), 0
+    for k in pieces:
+        state, together = regression_rows.put(layout, state, samples[at : at + k], SETTLE)
+        parts = [np.zeros((0, layout.width))]
+        for row in samples[at : at + k]:
+            one, more = regression_rows.put(layout, one, row[None], SETTLE)
+            parts.append(more)
+        at += k
+        np.testing.assert_array_equal(together, np.concatenate(parts))
+        assert exact(state) == exact(one)
+
+
 def test_rows_hold_the_exact_answers():
     """At 10 Hz each node's column is first_order.response; at 100 Hz the mean of ten of its samples."""
     for dt, per in ((0.1, 1), (0.01, 10)):
@@ -56,11 +80,11 @@ def test_rows_hold_the_exact_answers():
         samples[:, 1] = 1.0
         _, made = regression_rows.put(layout, regression_rows.State(), samples, SETTLE)
         for i, j in ((0, 3), (1, 17)):
-            exact = response(samples[:, 3 + i], dt, BASIS.tau[j], BASIS.dead_time[j]).x
+            truth = response(samples[:, 3 + i], dt, BASIS.tau[j], BASIS.dead_time[j]).x
             good = made[:, 1] > 0
             column = made[:, 4 + i * BASIS.size + j]
             assert good.sum() > 20
-            assert np.allclose(column[good], exact.reshape(-1, per).mean(axis=1)[good], atol=1e-9)
+            assert np.allclose(column[good], truth.reshape(-1, per).mean(axis=1)[good], atol=1e-9)
 
 
 def test_a_short_gap_is_bridged_and_a_long_one_begins_anew():

@@ -112,13 +112,15 @@ def put(layout: Layout, state: State, samples: Array, settle: float) -> tuple[St
         settle: s after a break in which the unknown history still matters; not usable.
 
     Returns:
-        The new state, and the new rows (r, width). The samples after the last known input wait for the next one.
+        The new state, and the new rows (r, width). The samples after the last known input wait for the next one, as long
+        as it can be joined to it: those of a prefix are the same however it is cut.
     """
     m, longest = layout.inputs, round(MAX_BRIDGED_GAP_S / layout.dt)
     raw = np.concatenate([state.pending.reshape(-1, 3 + m), samples])
     at = np.flatnonzero(np.isfinite(raw[:, 3:]).all(axis=1))
     end = int(at[-1]) + 1 if len(at) else 0
-    lost = len(raw) - end > longest
+    # without a history there is nothing that the next input can be joined to
+    lost = not len(at) or len(raw) - end > longest
     history, ready = _answer(layout, state.history, raw[: len(raw) if lost else end], at, settle, longest)
     history, end = (None, len(raw)) if lost else (history, end)
     pending = raw[end if history is None else end - 1 :]
@@ -149,19 +151,22 @@ def _answer(
     parts = raw[:, 2]
     parts = parts[np.maximum.accumulate(np.where(np.isfinite(parts), np.arange(n), 0))]
     changes = np.flatnonzero((parts[1:] != parts[:-1]) & np.isfinite(parts[:-1])) + 1
-    gaps = at[1:][at[1:] - at[:-1] > longest + 1]
+    broken = at[1:] - at[:-1] > longest + 1
+    gaps, before = at[1:][broken], at[:-1][broken]
     # a history begins at a known input
     later = np.searchsorted(at, changes)
     begins = sorted({*gaps.tolist(), *at[later[later < len(at)]].tolist(), *(() if done else (int(at[0]),))})
     hold, stop = round(settle / layout.dt), int(at[-1]) + 1
-    for a, b in pairwise([*([] if begins and begins[0] == done else [done]), *begins, stop]):
+    ends = dict(zip(gaps.tolist(), (before + 1).tolist(), strict=True))
+    for a, following in pairwise([*([] if begins and begins[0] == done else [done]), *begins, stop]):
+        b = ends.get(following, following)
         if b <= a or (history is None and a not in begins):
             continue
         history, columns, age = _advance(layout, None if a in begins else history, inputs[a:b])
         piece = out[a - done : b - done]
         piece[:, 2 + m :] = columns
-        if a in begins and a > 0:
-            piece[0, 2 + m :] = np.nan  # no filter may join one history to another
+        if a in begins and a > 0 and (a == done or np.isfinite(out[a - done - 1, -1])):
+            piece[0, 2 + m :] = np.nan  # no filter may join one history to another; after a gap none does
         piece[:, 1] = np.where(known[a:b] & np.isfinite(raw[a:b, 0]) & (age >= hold), raw[a:b, 1], 0.0)
     return history, out
 
