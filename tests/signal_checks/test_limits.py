@@ -12,6 +12,7 @@ from canid.analysis.tables.arrays import from_arrays
 from canid.analysis.tables.column_map import ColumnMap
 from canid.analysis.tables.table import open_table
 from canid.models.pipeline import pipeline
+from canid.signals.samples import reading_spans
 from canid.signals.samples.trace_assembly import trace as assembled
 from canid.signals.signal_checks import signal_checks
 from canid.signals.signal_checks.drive_time import behind_a_lead, fitted_trace
@@ -72,6 +73,26 @@ def test_a_limited_range_rate_is_called_limited(low: float, high: float, says: s
     )
     assert trace.learn[known].any()
     assert behind_a_lead(trace.gate).mean() > 0.99
+
+
+def test_what_stands_at_a_limit_has_come(seed: int) -> None:
+    """A reading at a limit is left out, and is none that was lost: a signal does not become slow by brief stays there."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(1001)
+    for _ in range(5):
+        # stays of one to three readings, shorter than a pause: on average every second reading
+        stays = np.concatenate(
+            [[False] * rng.integers(1, 4) + [True] * rng.integers(1, 4) for _ in range(600)]
+        )
+        at = stays[: len(time)].astype(bool)
+        rate = np.where(at, np.inf, rng.standard_normal(len(time)))
+        _, spans = reading_spans.step({}, "range_rate", time, rate, np.arange(len(time)))
+        assert len(spans) == 10
+        assert max(span.update for _, span in spans) < 1.01 * DT
+        # what is missing is missing
+        lost = np.where(at, np.nan, rate)
+        _, spans = reading_spans.step({}, "range_rate", time, lost, np.arange(len(time)))
+        assert min(span.update for _, span in spans) > 1.5 * DT
 
 
 @pytest.mark.slow("whole drives through the pipeline")

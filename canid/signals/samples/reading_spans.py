@@ -91,7 +91,8 @@ def step(
         state: from `init()` or the step before.
         role: of the readings.
         t: (n,) s, ascending.
-        value: (n,) in the role's unit; NaN: the reading holds none.
+        value: (n,) in the role's unit; NaN: the reading holds none; infinite: it stands at a limit, and has come all the
+            same.
         row: (n,) of the frame that brought each.
 
     Returns:
@@ -123,12 +124,14 @@ def _shown(role: str, at: float, span: Span) -> ReadingSpan | None:
     if not span.t:
         return None
     t, value = np.concatenate(span.t), np.concatenate(span.value)
-    known = np.isfinite(value)
-    known[1:] &= t[1:] > np.maximum.accumulate(t)[:-1]
+    came = ~np.isnan(value)
+    came[1:] &= t[1:] > np.maximum.accumulate(t)[:-1]
+    known = came & np.isfinite(value)
+    between = np.diff(t[came])
     t, value = t[known], value[known]
     if len(t) < MIN_READINGS:
         return None
-    interval = usual_interval(np.diff(t))
+    interval = usual_interval(between)
     resolution = lattice_step(value)
     changed = np.flatnonzero(np.diff(value)) + 1
     changes = len(changed) / float(t[-1] - t[0])

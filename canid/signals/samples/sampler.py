@@ -192,11 +192,13 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         lane, decoded, empty = no_lane.step(lane, decoded, frames.t)
     if empty:
         decoding = add_counts(decoding, empty)
+    reported = tuple(each for each in decoded.roles if each.role in limited_values.WATCHED)
     limits, within = limited_values.step(state.limits, decoded, frames.t)
     decoded, known, marks = within.decoded, within.limits, within.marks
     following, passed, repeats = state.lead, decoded.roles, state.repeats
     events = [*timed.events, *decoded.events]
     made: Mapping[str, Made] = {}
+    unlimited = made
     if settings.lead is not None:
         repeats, fresh = repeated_reports.separate(repeats, decoded, frames.t)
         following, followed = lead_readings.step(
@@ -204,6 +206,7 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         )
         passed, made = followed.passed, followed.made
         events += followed.events
+        unlimited = made
         if settings.lead.from_tracks:
             limits, (made, known, marks) = lead_limits.step(limits, made, frames.t)
     intervals, stamped = state.stamps, list[tuple[int, ReadingFact]](known)
@@ -217,9 +220,14 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     readings = _by_role((*passed, *marks), made, frames, first)
     watched = state.spans
     came = _by_role(tuple(each for each in decoded.roles if each.role in REPORTED), {}, frames, first)
+    before = _by_role(reported, {}, frames, first)
     for source, role in _sources(settings.driver):
         if source in readings:
             t, value, frame = came.get(role, readings[source])
+            whole = before.get(role) or unlimited.get(source)
+            if whole is not None:
+                # a reading at a limit has come all the same
+                value = np.where(np.isnan(value) & np.isfinite(whole.value), np.inf, value)
             watched, over = reading_spans.step(watched, role, t, value, frame - first)
             stamped += over
     if "own_speed" in settings.roles and "speed" in readings:
