@@ -1,8 +1,9 @@
 """Moving least squares with one delay, y_t = b + sum K_i u_i(t - delay); the delay by least residual power.
 
 The third estimator of tests/estimators/test_third_estimator.py, which puts this file next to the other two. One delay
-stands for lag and dead time of all inputs, so only the gains and that delay's sum mean something; intervals by
-Newey & West (1987), widened by what a delay cannot show of a lag.
+stands for lag and dead time of all inputs, so only the gains and that delay's sum mean something. Intervals by
+Newey & West (1987), as far as the gain that K would have if the whole delay were a lag: a lag attenuates, a delay does
+not, and that bias is a share of K, which no standard deviation shows.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ NAME = "moving"
 
 # s of lags of the residual's autocorrelation
 HAC_LAG_S = 2.0
-# a delay instead of a lag bends K by more than its standard deviation says
-WIDENING = 2.0
 # share of an input's usual standard deviation that it must move by
 MIN_MOVEMENT = 0.05
 
@@ -130,17 +129,29 @@ def fit(setup: Setup, rows: Array) -> tuple[dict[str, Channel], float]:
         cross = scores[k:].T @ scores[:-k]
         S += (1.0 - k / (lags + 1.0)) * (cross + cross.T)
     inverse = np.linalg.pinv(X.T @ X)
-    sd = WIDENING * np.sqrt(np.maximum(np.diag(inverse @ S @ inverse), 0.0))
+    sd = np.sqrt(np.maximum(np.diag(inverse @ S @ inverse), 0.0))
+    share = attenuation(u, X, usable, best)
     channels = {
         name: Channel(
-            Interval(float(K), float(K - 1.96 * s), float(K + 1.96 * s)), status=Identifiable.GAIN_ONLY
+            Interval(float(K), float(min(K, K / a) - 1.96 * s), float(max(K, K / a) + 1.96 * s)),
+            status=Identifiable.GAIN_ONLY,
         )
-        if abs(K) > 3.0 * s / WIDENING > 0.0
+        if abs(K) > 3.0 * s > 0.0
         else Channel()
-        for name, K, s in zip(setup.input_names, b[1:], sd[1:], strict=True)
+        for name, K, s, a in zip(setup.input_names, b[1:], sd[1:], share, strict=True)
     }
     variance = float(np.sum((target - target.mean()) ** 2))
     return channels, 100.0 * (1.0 - math.sqrt(power[best] / variance)) if variance > 0.0 else 0.0
+
+
+def attenuation(u: Array, X: Array, usable: Array, delay: int) -> Array:
+    """Gain that least squares finds of each input through a lag of `delay` samples with gain 1, at least 0.2."""
+    most = len(u) - len(usable)
+    kernel = np.exp(-np.arange(10 * delay + 1) / max(delay, 1e-3))
+    means = np.nanmean(np.where(np.isfinite(u), u, np.nan), axis=0)
+    moved = np.where(np.isfinite(u), u, means) - means
+    lagged = np.column_stack([np.convolve(x, kernel / kernel.sum())[most : len(u)] for x in moved.T])
+    return np.clip(np.diag(np.linalg.lstsq(X, lagged[usable], rcond=None)[0][1:]), 0.2, None)
 
 
 def identify(trace: Trace, settings: MovingSettings) -> WholeDrive:
