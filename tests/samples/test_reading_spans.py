@@ -125,6 +125,20 @@ def test_lost_readings_make_no_holds_and_no_lines(step: float, lost: float, seed
     assert {span.kind for span in spans(t, signal(seed, step, t))} == {"points"}
 
 
+@pytest.mark.parametrize("sd", [0.003, 0.05])
+@pytest.mark.parametrize("lost", [0.0, 0.1, 0.3])
+@mostly(0.9)
+def test_lively_stretches_between_calm_ones_are_no_lines(lost: float, sd: float, seed: int) -> None:
+    """Straight readings and bent ones that are among themselves, for 0.5 to 4 s."""
+    rng = np.random.default_rng(seed)
+    kept = rng.random(round(SECONDS / 0.1)) >= lost
+    ends = np.cumsum(rng.integers(5, 40, len(kept)))
+    lively = np.searchsorted(ends, np.arange(len(kept)), side="right") % 2 == 1
+    t = 0.1 * np.arange(len(kept))
+    value = np.round(0.2 * t + sd * lively * rng.standard_normal(len(t)), 4)
+    assert {span.kind for span in spans(t[kept], value[kept])} == {"points"}
+
+
 def test_a_coarse_value_that_stands_still_is_neither_held_nor_a_line(seed: int) -> None:
     """A pedal in steps of 1/256, as percent of two decimals: steps of 0.39 and 0.40 are on no lattice."""
     rng = np.random.default_rng(seed)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from canid.mathematics.identification.rounding import lattice_step
 from canid.signals.samples import learning_gate, limited_lead
 from canid.signals.samples.lead import REPORTED
+from canid.signals.signal_checks import blocks, saturated_rate
 from canid.signals.signal_checks.limited_values import sides
+from canid.signals.signal_checks.saturated_rate import RATE
 from canid.values.findings import Flags
-from canid.values.types import NAN, TASK_INPUTS, Array, LearnGate, SignalFinding, Trace
+from canid.values.types import NAN, TASK_INPUTS, Array, LearnGate, Sample, SignalFinding, Trace
 
 # gates behind a lead, over which `LearnGate.LIMITED` has precedence where samples are judged one by one
 _FOLLOWS = (*learning_gate.SHOWS_DEMAND, LearnGate.BRAKE)
@@ -21,7 +24,8 @@ def with_limits(trace: Trace) -> Trace:
 
     Until a limit of an input was known its readings were taken for measured ones, and a finding covers all that time. Over
     the whole drive they are left out as they are afterwards; the rest of the time is sound, and the finding withholds it
-    no more.
+    no more. Behind a filter the readings approach a limit, and few reach it: where the others saturate as well, that
+    finding withholds all of the drive.
 
     Args:
         trace: of a drive, with its findings and its gates as they were judged sample by sample.
@@ -53,7 +57,7 @@ def with_limits(trace: Trace) -> Trace:
         )
         trace = _without(trace, at)._replace(findings=findings)
         hidden[role] = hidden.get(role, at) | at | np.isnan(trace.signals[REPORTED[role]])
-    return _smoothed(trace, hidden)
+    return _smoothed(_without_saturated(trace, hidden), hidden)
 
 
 def without_lane(trace: Trace) -> Trace:
@@ -97,12 +101,38 @@ def _smoothed(trace: Trace, hidden: dict[str, Flags]) -> Trace:
 
 
 def _is_limit(other: SignalFinding, finding: SignalFinding, t: Array, at: Flags) -> bool:
-    """Whether a value that was called frozen has stood at a limit, or one that saturated has until the limit was known."""
+    """Whether a value that was called frozen has stood at a limit."""
     role, _ = sides(finding)
-    if other.name.endswith("_saturated"):
-        return other.raised < finding.raised
     stood = (t > other.since) & (t < other.raised)
     return other.name == f"{role}_frozen" and bool(at[stood].mean() > 0.5 if stood.any() else False)
+
+
+def _without_saturated(trace: Trace, hidden: dict[str, Flags]) -> Trace:
+    """Judge a range rate that saturates by what its limits leave: none of the drive is withheld by it, or all."""
+    at = [k for k, each in enumerate(trace.findings) if each.withholds and each.name == f"{RATE}_saturated"]
+    if not at or RATE not in hidden:
+        return trace
+    # one that was raised later is of readings that no limit had
+    known = max(each.raised for each in trace.findings if sides(each)[0] == RATE)
+    saturates = trace.findings[at[-1]].raised >= known or _saturates(trace, ~hidden[RATE])
+    findings = list(trace.findings)
+    for k in at:
+        until = NAN if saturates else findings[k].until
+        findings[k] = findings[k]._replace(withholds=saturates, until=until)
+    return trace._replace(findings=tuple(findings))
+
+
+def _saturates(trace: Trace, measured: Flags) -> bool:
+    """Whether the range rate saturates where it is measured, (n,)."""
+    step = lattice_step(trace.signals[REPORTED[RATE]][measured])
+    state, filled = saturated_rate.init()._replace(step=step), blocks.init()
+    for k in np.flatnonzero(measured).tolist():
+        signals = {role: float(x[k]) for role, x in trace.signals.items() if role in blocks.INDEX}
+        sample = Sample(float(trace.t[k]), NAN, (), trace.gate[k], True, 0, signals)
+        filled, block = blocks.step(filled, sample, trace.dt)
+        if block is not None:
+            state, _ = saturated_rate.step(state, block)
+    return state.found is not None
 
 
 def _at_limit(trace: Trace, finding: SignalFinding, name: str, limited: tuple[bool, bool]) -> Flags | None:
