@@ -18,6 +18,8 @@ from canid.values.frame_columns import DLC_BYTES, MAX_EXTENDED_ID, MAX_STANDARD_
 from canid.values.types import Flag
 
 _ID_WORD = re.compile(r"([0-9a-fA-F]{1,9})(x?)")
+# a message's name
+_NAME = re.compile(r"[A-Za-z_][\w:.]*", re.ASCII)
 # letters of a name that no id has; a damaged id has one
 _NO_DIGIT = re.compile(r"[g-zG-Z_]")
 _HEX = re.compile(r"[0-9a-fA-F]{1,8}")
@@ -248,10 +250,19 @@ def _bus(word: str) -> int:
     return bus
 
 
+def _named(word: str) -> bool:
+    """Whether a word is a message's name, as a DBC may have it; a damaged id mostly begins with a digit.
+
+    >>> _named("EngineData"), _named("100egi45x"), _named("12y")
+    (True, False, False)
+    """
+    return _NAME.fullmatch(word) is not None and len(_NO_DIGIT.findall(word)) > 1
+
+
 def _id(word: str, base: int) -> tuple[int, int]:
     match = _ID_WORD.fullmatch(word)
     if not match:
-        raise NamedMessage(word) if len(_NO_DIGIT.findall(word)) > 1 else Bad(f"{word[:32]!r} is no id")
+        raise NamedMessage(word) if _named(word) else Bad(f"{word[:32]!r} is no id")
     flags = int(Flag.EXTENDED) if match[2] else 0
     id_ = int(match[1], base)
     if id_ > (MAX_EXTENDED_ID if flags else MAX_STANDARD_ID):
