@@ -191,8 +191,8 @@ class _Reading:
                 parsed = parse(words, header.base, item, header.fd_base or 16)
             except ValueError as error:
                 # a damaged line rarely has all that a frame with a name has
-                named = asc_names.resolved(words, {}, header.base, header.fd_base or 16) is None
-                names += isinstance(error, NamedMessage) and named
+                whole = asc_names.resolved(words, {}, header.base, header.fd_base or 16) is None
+                names += isinstance(error, NamedMessage) and whole
                 frames = len(singles.frames) + int(fixed_before[k])
                 if names > _MAX_NAMES and names >= _SHARE_OF_NAMES * frames and not self._count.read:
                     says = f"{self._path}: line {item.number}: {error}: {_NAMES_REMEDY}"
