@@ -158,6 +158,7 @@ class FleetSummary(NamedTuple):
     damaged: tuple[Counted, ...]
     signals: tuple[Counted, ...]
     excluded: tuple[Counted, ...]  # drives that are no part of a population
+    drivers_excluded: tuple[Counted, ...]  # drivers none of whose drives is part of one
     misfits: tuple[Counted, ...]  # drives whose model stopped fitting
     populations: tuple[Population, ...]
     causes: tuple[Cause, ...]

@@ -270,6 +270,15 @@ def test_a_gain_that_identify_withholds_is_not_pooled_and_the_reason_is_said(
     assert f"range rate K of 1 drive does not count; {why}" in population.says
 
 
+def test_a_driver_of_whom_no_drive_counts_is_named(planted: Planted) -> None:
+    driver = planted.rows[0]["driver"]
+    for number, row in enumerate(planted.rows):
+        if row["driver"] == driver:
+            changed(planted, number, gain_steps=1)
+    why = "the gains changed during the drive: it has no one estimate"
+    assert f"nothing is known of 1 driver ({driver}); {why}" in summarise(planted.folder).sentences
+
+
 def test_a_small_gain_that_nothing_withholds_stays(planted: Planted) -> None:
     row = changed(planted, 2, range_rate_status="not_identifiable", identify_json='{"whole": null}')
     of = chosen(planted.folder)

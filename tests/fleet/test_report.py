@@ -411,6 +411,7 @@ def _summary(drivers: int, *, hostile: bool = False) -> FleetSummary:
         damaged=counted,
         signals=counted,
         excluded=counted,
+        drivers_excluded=counted,
         misfits=counted,
         populations=(Population(Kind("accel", "m/s²"), parameters, people, (), (), (asked,)),),
         causes=(cause,) * 40,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from canid.analysis.fleet.storage.database import rows
@@ -87,6 +88,29 @@ def excluded(drives: Iterable[Excluded]) -> tuple[Counted, ...]:
         by.setdefault(drive.why, []).append(drive.log)
     counted = [Counted(why, len(logs), "", tuple(logs[:EXAMPLES])) for why, logs in by.items()]
     return tuple(sorted(counted, key=lambda reason: (-reason.number, reason.what)))
+
+
+def drivers_excluded(drives: Iterable[Excluded], pooled: Collection[str]) -> tuple[Counted, ...]:
+    """Drivers of whom no drive is part of a population, each with the number of drives and their most frequent reason.
+
+    Args:
+        drives: that are no part of a population.
+        pooled: drivers of those that are.
+
+    Example:
+        >>> left = [Excluded("a.blf", "anna", "too short"), Excluded("b.blf", "ben", "too short")]
+        >>> drivers_excluded(left, {"ben"})
+        (Counted(what='anna', number=1, says='too short', examples=('a.blf',)),)
+    """
+    by: dict[str, list[Excluded]] = {}
+    for drive in drives:
+        if drive.driver and drive.driver not in pooled:
+            by.setdefault(drive.driver, []).append(drive)
+    out = []
+    for driver, left in sorted(by.items()):
+        ((why, _),) = Counter(drive.why for drive in left).most_common(1)
+        out.append(Counted(driver, len(left), why, tuple(drive.log for drive in left[:EXAMPLES])))
+    return tuple(out)
 
 
 def _counted(db: Any, sql: str) -> tuple[Counted, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 from canid.analysis.fleet.answers.labels import hours, label, spread
 from canid.values.fleet_summary import FleetSummary, Parameter, Population
@@ -36,6 +37,13 @@ def sentences(summary: FleetSummary) -> tuple[str, ...]:
         several = "s with results do not count" if n > 1 else " with results does not count"
         often = "most often: " if len(summary.excluded) > 1 else ""
         out.append(f"{n:,} drive{several} for the population; {often}{most.what}")
+    if summary.drivers_excluded:
+        named = _names([driver.what for driver in summary.drivers_excluded])
+        most = Counter(driver.says for driver in summary.drivers_excluded).most_common(1)[0][0]
+        often = "most often: " * (len({driver.says for driver in summary.drivers_excluded}) > 1)
+        out.append(
+            f"nothing is known of {plural(len(summary.drivers_excluded), 'driver')} ({named}); {often}{most}"
+        )
     population = _first(summary)
     if population is not None:
         out += _spread(population)

@@ -89,6 +89,7 @@ def _found(fleet: Database, folder: Path) -> FleetSummary:
         populations.append(pooled)
         left_out += excluded
     left_out += estimates.without_output(db)
+    drivers = {driver.name for pooled in populations for driver in pooled.drivers}
     of_causes, no_causes = causes.found(db)
     summary = FleetSummary(
         folder=folder.name or str(folder),
@@ -99,6 +100,7 @@ def _found(fleet: Database, folder: Path) -> FleetSummary:
         damaged=data_quality.damaged(db),
         signals=data_quality.signals(db),
         excluded=data_quality.excluded(left_out),
+        drivers_excluded=data_quality.drivers_excluded(left_out, drivers),
         misfits=data_quality.misfits(db),
         populations=tuple(populations),
         causes=of_causes,
