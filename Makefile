@@ -1,5 +1,5 @@
 # make demo: install and see it work. make test: every claim of behaviour, in four minutes, the same each time.
-# make test-all: the slow tests as well, with seeds drawn anew. Nothing but Python >= 3.11 is needed, and Debian for vm-test.
+# make test-all: the long and the slow tests as well, with seeds drawn anew. Nothing but Python >= 3.11 is needed, and Debian for vm-test.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,7 +14,7 @@ WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 2)
 # take the one or the other, by pip's version
 INSTALL := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types check check-rest newest constraints docs screenshots vm-test vm-test-drives vm-test-devices clean
+.PHONY: demo test test-all lint types check check-long check-rest newest constraints docs screenshots vm-test vm-test-drives vm-test-devices clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.installed
@@ -26,6 +26,7 @@ test: lint
 
 # one after the other: some tests measure time
 test-all: test
+	@$(MAKE) --no-print-directory check-long
 	@$(MAKE) --no-print-directory check-rest
 	@$(MAKE) --no-print-directory docs
 	@$(MAKE) --no-print-directory vm-test
@@ -40,7 +41,11 @@ types: $(VENV)/.dev
 
 # in a network namespace of its own, so that no packet leaves the machine
 check: $(VENV)/.dev
-	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not slow" $(PYTEST_ARGS)
+	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not slow and not long" $(PYTEST_ARGS)
+
+# with fixed seeds as well
+check-long: $(VENV)/.dev
+	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "long and not slow" $(PYTEST_ARGS)
 
 # a drawn sixth of what is slow, and all that draws, with drawn seeds; CANID_ALL_CASES=1: all of what is slow
 check-rest: $(VENV)/.dev

@@ -5,6 +5,7 @@ Only `make test-all` draws; `make test` has fixed seeds, those of hypothesis too
 
 from __future__ import annotations
 
+import gc
 import signal
 from types import FrameType
 
@@ -33,6 +34,12 @@ def pytest_configure() -> None:
         number = getattr(signal, name, None)  # Windows has the first one alone
         if number is not None and signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, _nothing)
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected stays: no collection of garbage goes through it again."""
+    gc.collect()
+    gc.freeze()
 
 
 # folders and files that `make test` leaves out, and why; of the package it is its examples

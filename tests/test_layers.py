@@ -63,22 +63,26 @@ def modules() -> list[Path]:
 
 
 @cache
-def nodes(path: Path) -> list[ast.AST]:
-    """Everything that a file holds, parsed once."""
-    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+def read(path: Path) -> tuple[list[Import], bool]:
+    """What a file imports, wherever in it: in functions and for type checkers as well; and whether it calls a bus's send.
 
-
-@cache
-def imported(path: Path) -> list[Import]:
-    """Everything that a file imports, wherever in it: in functions and for type checkers as well."""
-    found = []
-    for node in nodes(path):
+    Nodes are not kept: every collection of garbage would go through them.
+    """
+    found, sends = [], False
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found += [Import(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             module = "." * node.level + (node.module or "")
             found += [Import(node.lineno, f"{module}.{alias.name}") for alias in node.names]
-    return found
+        elif isinstance(node, ast.Attribute):
+            sends |= node.attr in ("send", "send_periodic")
+    return found, sends
+
+
+def imported(path: Path) -> list[Import]:
+    """Everything that a file imports."""
+    return read(path)[0]
 
 
 def packages(path: Path) -> set[str]:
@@ -256,9 +260,5 @@ def test_only_one_folder_starts_processes() -> None:
 
 def test_only_one_file_sends() -> None:
     """Nothing but `replay --onto` can transmit: no other file calls a bus's send."""
-    senders = {
-        path.name
-        for path in files()
-        if {node.attr for node in nodes(path) if isinstance(node, ast.Attribute)} & {"send", "send_periodic"}
-    }
+    senders = {path.name for path in files() if read(path)[1]}
     assert senders <= {"send.py"}

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
+import pytest
+
 TESTS = Path(__file__).parent
+MARK = re.compile(r"mark\.(slow|long)\b")
 
 
 def slow_ones(source: str) -> list[str]:
-    """Tests that are marked as slow and go through files of Python."""
-    if "rglob" not in source or "slow" not in source:
+    """Tests that are marked as long or slow and go through files of Python."""
+    if "rglob" not in source or "mark." not in source:
         return []
     return [
         node.name
         for node in ast.parse(source).body
         if isinstance(node, ast.FunctionDef)
         and node.name.startswith("test")
-        and any("slow" in ast.unparse(mark) for mark in node.decorator_list)
+        and any(MARK.search(ast.unparse(mark)) for mark in node.decorator_list)
         and ".rglob('*.py')" in ast.unparse(node)
     ]
 
@@ -32,8 +36,9 @@ def test_no_test_of_the_source_is_slow() -> None:
     assert [f"{path}: {name}" for path, source in sources.items() for name in slow_ones(source)] == []
 
 
-def test_such_a_test_is_found() -> None:
+@pytest.mark.parametrize("mark", ["slow", "long"])
+def test_such_a_test_is_found(mark: str) -> None:
     body = "    for path in ROOT.rglob('*.py'):\n        ...\n"
-    assert slow_ones(f"@pytest.mark.slow('many files')\ndef test_a():\n{body}\ndef test_b():\n{body}") == [
+    assert slow_ones(f"@pytest.mark.{mark}('many files')\ndef test_a():\n{body}\ndef test_b():\n{body}") == [
         "test_a"
     ]

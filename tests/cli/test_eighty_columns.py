@@ -13,6 +13,7 @@ from canid.values.errors import DONE
 LOGS = Path(__file__).parents[2] / "replay_logs"
 
 
+@pytest.mark.long("verbs on whole logs")
 @pytest.mark.parametrize(
     ("log", "vehicle"), [("following_urban.blf", "generic"), ("lane_keeping.blf", "generic_lane")]
 )

@@ -59,6 +59,7 @@ def test_look(canid: Canid, logs: tuple[Path, Path]) -> None:
     assert f"640 s of which {PAUSE_S:.0f} s without any frame" in canid("look", logs[1]).out
 
 
+@pytest.mark.long("verbs on whole logs")
 def test_check(canid: Canid, logs: tuple[Path, Path]) -> None:
     whole, paused = (
         json.loads(canid("check", log, "--vehicle", "generic", "--json", "-").out) for log in logs
@@ -86,6 +87,7 @@ def test_a_table_of_last_values_knows_a_pause() -> None:
     assert [row.rate for row in values.rows(63.0)] == [pytest.approx(10.0, rel=0.05)]
 
 
+@pytest.mark.long("verbs on whole logs")
 def test_what_a_fleet_counts_as_driven_is_without_pauses(logs: tuple[Path, Path]) -> None:
     whole, paused = (identify(read_trace(log, "generic"), sliding=False, select_orders=False) for log in logs)
     assert paused.duration > PAUSE_S

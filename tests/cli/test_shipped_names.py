@@ -80,6 +80,7 @@ def test_a_misspelt_log_is_an_error_before_anything_is_computed_with(verb: str, 
     assert got.stdout == "2 []\n"
 
 
+@pytest.mark.long("verbs on whole logs")
 def test_what_is_written_beside_a_log_is_not_written_into_the_package(tmp_path: Path) -> None:
     """`export` without -o names its files after the log: a shipped one needs -o."""
     words = ("export", "lane_keeping.blf", "--dbc", "generic.dbc")

@@ -219,6 +219,7 @@ def test_identify(canid: Canid) -> None:
     assert one == other
 
 
+@pytest.mark.long("verbs on whole logs")
 def test_check(canid: Canid, log: Path) -> None:
     """Exit 0 where nothing is missing; each role with unit, source and numbers; ids alone without a vehicle file."""
     ran = canid("check", log, "--vehicle", "generic", "--json", "-")
@@ -321,6 +322,7 @@ def test_init_with_a_log_needs_no_edit(
     assert vehicle.roles["pedal"].bus == 0
 
 
+@pytest.mark.long("verbs on whole logs")
 def test_simulate_is_reproducible(canid: Canid, tmp_path: Path) -> None:
     """The same seed gives the same bytes and truth, another seed other bytes; the truth is next to the log."""
     for name, seed in (("a", 7), ("b", 7), ("c", 8)):

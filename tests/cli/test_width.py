@@ -42,6 +42,7 @@ def files(tmp_path: Path, seed: int) -> tuple[Path, Path]:
     return log, car
 
 
+@pytest.mark.long("verbs on whole logs")
 @pytest.mark.parametrize(
     "words", ["check --vehicle CAR", "check --vehicle CAR LOG", "check LOG", "look LOG", "look LOG --dbc DBC"]
 )

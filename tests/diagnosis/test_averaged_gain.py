@@ -23,6 +23,7 @@ def drive(seed: int, effects: dict[str, dict[str, float]], plant: int) -> tuple[
 
 # gains on relative speed are a third too small with such a dead zone, and clean drives keep theirs: see
 # `python -m benchmarks.hidden_effects.averaged_gains`
+@pytest.mark.long("searches drives for causes")
 @seeds.mostly(0.9)
 def test_an_average_over_a_dead_zone_is_not_quoted(seed: int) -> None:
     given, driver = drive(seed, {"relative_speed_dead_zone": {"width": 1.2}}, seed % 2)
@@ -45,11 +46,13 @@ def test_a_clean_drive_keeps_its_gains(seed: int) -> None:
     assert gain.K.low <= driver["K2"] <= gain.K.high
 
 
+@pytest.mark.long("searches drives for causes")
 def test_too_short_a_drive_shows_no_cause() -> None:
     given, _ = drive(5, {"looming_gain": {"exponent": 1.0}}, 0)
     assert causes_not_excluded.shown(part(given, slice(0, round(60.0 / given.dt)))) == ()
 
 
+@pytest.mark.long("searches drives for causes")
 @seeds.mostly(0.8)
 def test_in_the_lane_as_well(seed: int) -> None:
     """A driver who lets the car move within a zone steers the less the wider it is."""

@@ -221,6 +221,7 @@ def test_the_car_step_by_step_is_the_car_all_at_once(names: tuple[str, ...]) -> 
     np.testing.assert_allclose(out[100:], accel(model, seen, q, dt)[100:], atol=1e-6)
 
 
+@pytest.mark.long("searches drives for causes")
 def test_the_slope_of_the_speed_does_not_change_the_car() -> None:
     """A car that answers at once, by a rough pedal: its strength and no lag, from the speed alone.
 

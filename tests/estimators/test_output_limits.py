@@ -41,6 +41,7 @@ def test_both_estimators_hold_the_truth_of_a_pedal_that_is_often_pressed_down(se
     assert min(held.values()) >= 3
 
 
+@pytest.mark.long("identifies whole drives")
 def test_a_limit_is_stated_in_text_and_json() -> None:
     result = identified(at_100_percent(3, 240.0))
     (end,) = document(result, "drive.csv", "car").output_limits
@@ -49,6 +50,7 @@ def test_a_limit_is_stated_in_text_and_json() -> None:
     assert result.time.usable < result.time.driving - end.seconds
 
 
+@pytest.mark.long("identifies whole drives")
 def test_a_drive_far_from_both_ends_states_none_and_uses_every_sample() -> None:
     drive = helly_drive(np.random.default_rng(2), seconds=240.0, level=50.0)
     result = identified(drive)
@@ -56,6 +58,7 @@ def test_a_drive_far_from_both_ends_states_none_and_uses_every_sample() -> None:
     assert LearnGate.OUTPUT_LIMIT not in trace(drive).gate
 
 
+@pytest.mark.long("identifies whole drives")
 def test_live_windows_say_that_the_output_is_at_its_limit() -> None:
     drive = at_100_percent(4, 240.0)
     # from here on the lead is too fast for this car
@@ -65,6 +68,7 @@ def test_live_windows_say_that_the_output_is_at_its_limit() -> None:
     assert last.says == LearnGate.OUTPUT_LIMIT.value
 
 
+@pytest.mark.long("identifies whole drives")
 def test_of_a_wheel_at_its_lock_no_gain_is_quoted() -> None:
     drive = canid.read_trace("replay_logs/lane_keeping.blf", "generic_lane")
     assert QUOTED[identify(drive).channels["lateral_offset"].status]
@@ -89,6 +93,7 @@ def test_no_cause_is_named_because_of_a_limit(kind: str) -> None:
     assert "is at its upper limit" in report.steps[0]
 
 
+@pytest.mark.long("identifies whole drives")
 @needs_measured
 @pytest.mark.parametrize(
     "name", files("reports/41-full-pedal/full_11.csv", "reports/41-full-pedal/s5_truck97.csv")

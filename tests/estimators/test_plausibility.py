@@ -94,6 +94,7 @@ def identified(trace, **settings):
     return found
 
 
+@pytest.mark.long("identifies whole drives")
 def test_a_whole_drive_carries_its_sentence():
     """A lag beyond its range, and a loop that cannot be: no number, and the reason in text and JSON; else both numbers."""
     right = identified(drive())

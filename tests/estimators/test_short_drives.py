@@ -17,6 +17,7 @@ def test_a_drive_without_cosines_has_a_level_of_none() -> None:
     assert drifting_level.raw(60, 0.1).shape[0] == 0
 
 
+@pytest.mark.long("identifies whole drives")
 @pytest.mark.parametrize("seconds", [6.0, 17.0, 18.0, 19.0, 20.0, 22.0, 25.0])
 def test_a_short_drive_is_identified_or_refused(seconds: float, seed: int) -> None:
     """With little noise, so that gains are found at all."""

@@ -171,6 +171,7 @@ def changed_by(path: Path, change: Callable[[], None]) -> Outcome:
         thread.join()
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 def test_a_log_that_grows_while_it_is_read(tmp_path: Path) -> None:
     """A recording that goes on fails as `changed`, with no key: the next run takes it."""
     path = write(tmp_path / "grows.log", short_logs.log(1, 20.0))
@@ -188,6 +189,7 @@ def test_a_log_that_grows_while_it_is_read(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 def test_bytes_that_change_while_size_and_time_stay(tmp_path: Path) -> None:
     """Bytes that are overwritten in place, the modification time set back, are noticed as well."""
     path = write(tmp_path / "overwritten.log", short_logs.log(2, 20.0))

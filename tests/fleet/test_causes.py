@@ -73,6 +73,7 @@ def test_a_planted_cause_of_one_car_comes_back(planted: Planted, tmp_path: Path,
     assert chance.q > 0.05
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 def test_why_there_is_none_is_said(planted: Planted, tmp_path: Path) -> None:
     for number, (verdict, said) in enumerate(
         [
@@ -89,6 +90,7 @@ def test_why_there_is_none_is_said(planted: Planted, tmp_path: Path) -> None:
         assert said in why
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 def test_what_several_drives_together_name_is_shown_also_where_no_drive_names_it(
     planted: Planted, tmp_path: Path
 ) -> None:

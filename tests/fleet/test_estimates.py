@@ -254,6 +254,7 @@ def test_own_estimates_are_generalised_least_squares(seed: int) -> None:
         assert np.isnan(np.delete(mean[i], inside)).all()
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 def test_a_gain_that_identify_withholds_is_not_pooled_and_the_reason_is_said(
     planted: Planted, seed: int
 ) -> None:

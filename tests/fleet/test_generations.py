@@ -82,6 +82,7 @@ def another_run(folder: Path) -> Iterator[None]:
             process.kill()
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 def test_a_report_that_began_before_a_run_leaves_no_older_summary(fleet: Stored) -> None:
     """Read, then a run with more logs, then written: the summary of the old drives is not kept, and not counted as the
     new one's; the next answer is that of the new drives.
@@ -146,6 +147,7 @@ FURTHER = pytest.mark.slow("further places of a kill")
 
 
 # names that a run gives: that of the folder of its tables, by which they count, and then those of six tables
+@pytest.mark.long("runs of a fleet in processes of their own")
 @pytest.mark.parametrize("at", [1, 4, *(pytest.param(at, marks=FURTHER) for at in (2, 3, 5, 6, 7))])
 def test_tables_are_whole_after_a_kill_between_two_of_them(fleet: Stored, at: int) -> None:
     """A run that is killed before it gives a table its name: a reader has the old tables all or the new ones all, and the

@@ -77,6 +77,7 @@ def listening() -> Iterator[int]:
         yield server.getsockname()[1]
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 @needs_all
 def test_what_a_taken_over_analysis_tries_is_refused(child: Child, tmp_path: Path, listening: int) -> None:
     """Files outside of its folder, TCP, other sockets, other programs, signals to its parent; also in what it starts."""
@@ -111,6 +112,7 @@ def test_what_a_taken_over_analysis_tries_is_refused(child: Child, tmp_path: Pat
     assert not os.path.exists(new)
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 @needs_all
 def test_what_an_analysis_needs_is_left(child: Child, scratch: Path) -> None:
     """It makes and deletes files in its own folder, starts Python, reads, and ends what it has started."""
@@ -129,6 +131,7 @@ def test_what_an_analysis_needs_is_left(child: Child, scratch: Path) -> None:
     assert child.analyse(job(URBAN), GENERIC).status is Status.OK
 
 
+@pytest.mark.long("runs of a fleet in processes of their own")
 @needs_all
 def test_no_thread_of_the_analysis_keeps_its_rights(child: Child) -> None:
     """Each has no new privileges and a filter; all were started after the process gave up its rights."""

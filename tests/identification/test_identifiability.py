@@ -37,7 +37,11 @@ def test_only_one_module_gives_a_channel_its_status() -> None:
         # the second one reads a status that canid has written
         if path.name in ("identifiability.py", "drive_json.py"):
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        # what is not written is not called
+        if "Channel" not in text and "Identifiable" not in text:
+            continue
+        for node in ast.walk(ast.parse(text)):
             name = node.func if isinstance(node, ast.Call) else None
             if isinstance(name, ast.Name) and name.id == "Channel" and isinstance(node, ast.Call):
                 made += [path.name] if node.args or node.keywords else []

@@ -40,6 +40,7 @@ def drives(seed: int, noise: float) -> list[tuple[Array, Array]]:
     return [(output[:3000], inputs[:3000]) for output, inputs in every]
 
 
+@pytest.mark.long("many fits")
 @pytest.mark.parametrize("estimate", [window, recursion])
 def test_delays_that_noise_of_the_input_decides_are_not_quoted(
     estimate: Callable[[Array, Array], Channel], seed: int

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -50,6 +51,7 @@ def test_a_stream_in_pieces_gives_the_rows_of_the_whole_at_every_prefix(seed, dt
     assert len(made) == len(whole)
 
 
+@pytest.mark.long("many fits")
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10**6),

@@ -170,6 +170,7 @@ def test_crafted_nonsense_costs_its_container_only(name: str, tmp_path: Path) ->
         assert log.damage is not None
 
 
+@pytest.mark.long("many or long logs")
 def test_a_zip_bomb_needs_no_memory(tmp_path: Path) -> None:
     """200 MB of zeros, 16 times over in one file: the reading process stays below 512 MB."""
     path = tmp_path / "x.blf"

@@ -73,6 +73,7 @@ def read(path: Path, **part: float) -> Drive:
     return read_drive(path, path.with_name("m.toml"), estimating=False, **part)
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize("name", _WRAPS)
 @pytest.mark.parametrize("start", [30.0, 99.4])
 def test_a_counter_that_wraps(
@@ -103,6 +104,7 @@ def of_contents(path: Path) -> str:
     return exact(vehicle_check.contents(open_log(path).columns()))
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize("hours", [1.0, 2.0, 26.0])
 def test_a_pause_of_hours(
     log: Callable[[Callable[[float], float]], Path], hours: float, capsys: pytest.CaptureFixture[str]
@@ -130,6 +132,7 @@ def test_a_pause_of_hours(
     assert f"{checked.duration:.1f} s of which {checked.paused:.1f} s without any frame" in printed.out
 
 
+@pytest.mark.long("many or long logs")
 def test_a_clock_that_is_set_cuts_the_drive(log: Callable[[Callable[[float], float]], Path]) -> None:
     """No frame is lost, and no sample is made of both parts."""
     path = log(lambda t: 1.7e9 + t - (t >= 60.0) * 1234.0)

@@ -382,6 +382,7 @@ DIALECTS: tuple[Callable[[random.Random], tuple[str, list[Sent]]], ...] = (
 )  # fmt: skip
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_each_dialect_is_read_as_it_was_written(
     dialect: Callable[[random.Random], tuple[str, list[Sent]]], tmp_path: Path, seed: int
@@ -470,6 +471,7 @@ def test_what_is_not_read_of_a_list_without_a_header_is_said(tmp_path: Path) -> 
     assert "what stands behind the data, as 'R', is not read" in log.remarks[0]
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_a_damaged_list_is_damage_or_refused(
     dialect: Callable[[random.Random], tuple[str, list[Sent]]], tmp_path: Path, seed: int

@@ -157,6 +157,7 @@ def test_a_formula_of_the_time_costs_its_group(tmp_path: Path) -> None:
     assert main(["identify", str(path)]) == 2
 
 
+@pytest.mark.long("many or long logs")
 def test_the_evaluators_cannot_be_imported(tmp_path: Path) -> None:
     """In a child that reads .mf4, numexpr and sympy are none, whoever asks for them; asammdf has what refuses."""
     code = (

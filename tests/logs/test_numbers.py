@@ -43,6 +43,7 @@ def unstamped(stamps: list[int]) -> list[int]:
     return found
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".asc relative"])
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(lines=_LINES)
@@ -131,6 +132,7 @@ def test_interfaces_beyond_what_a_bus_number_holds_are_damaged_lines(tmp_path: P
     assert "line 65536: it names another interface than the first 65,535" in opened.damage.says
 
 
+@pytest.mark.long("many or long logs")
 def test_blank_lines_are_passed_over_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten million blank lines of all kinds between two frames: no line of them is read by itself."""
     from canid.io.logs import text_lines

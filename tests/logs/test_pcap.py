@@ -68,6 +68,7 @@ def test_a_cut_packet_is_damage(tmp_path: Path) -> None:
     assert "read 4 packets, bytes 152–180 damaged: the file ends in a packet" in ran.stdout
 
 
+@pytest.mark.long("many or long logs")
 def test_a_changed_byte_costs_no_frame_before_it(tmp_path: Path, seed: int) -> None:
     """Whatever byte is changed, the frames in front of it stay, and nothing is raised but what the user is to read."""
     rng = random.Random(seed)

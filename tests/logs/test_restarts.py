@@ -57,6 +57,7 @@ def table(rows: Rows) -> str:
 DIALECTS = ((asc, ".asc"), (screen, ".log"), (gvret, ".csv"), (table, ".csv"))
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize(("dialect", "suffix"), DIALECTS)
 def test_an_appended_recording_is_set_behind_the_first(
     dialect: Callable[[Rows], str], suffix: str, tmp_path: Path, seed: int

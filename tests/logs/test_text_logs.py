@@ -222,6 +222,7 @@ def test_damaged_ids_are_no_names(tmp_path: Path, seed: int) -> None:
     assert log.damage is not None
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.parametrize("suffix", [".asc", ".log", ".csv", ".trc", ".asc.gz"])
 def test_mutants_raise_nothing_but_log_error(suffix: str, tmp_path: Path) -> None:
     """200 mutants per format: no exception but LogError, whatever the bytes."""
@@ -416,6 +417,7 @@ def test_asc2log_reads_our_asc(tmp_path: Path) -> None:
     assert got == [(f.id, f.data) for f in frames if not f.flags & Flag.ERROR]
 
 
+@pytest.mark.long("many or long logs")
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
 def test_tshark_reads_our_blf(tmp_path: Path) -> None:
     """tshark, which shares no code with us, finds every data frame of our .blf with its id and data."""

@@ -146,6 +146,7 @@ def test_every_package_of_the_tests_is_pinned() -> None:
     } == {}
 
 
+@pytest.mark.long("resolves versions")
 def test_every_pin_can_be_installed_on_the_oldest_python() -> None:
     """By what the packages say of themselves: a pin that wants 3.11.5 ends `make` on Debian 12, which has 3.11.2."""
     pinned = pins()

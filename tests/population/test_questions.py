@@ -270,6 +270,7 @@ def test_the_driver_of_one_drive_gains_most_by_another() -> None:
     assert abs(width / of[0].expected - 1.0) < 0.3
 
 
+@pytest.mark.long("samples a population")
 def test_one_drive_per_driver_is_not_parted(seed: int) -> None:
     """Neither spread is stated, the sampler converges, shrunken drivers and the predicted drive have true intervals."""
     rng = np.random.default_rng(seed)

@@ -85,6 +85,7 @@ def test_what_contradicts_the_log_is_no_role(tmp_path: Path, seed: int) -> None:
     assert not {"lead_valid", "accel"} & signals.keys()
 
 
+@pytest.mark.long("verbs on whole logs")
 def test_init_says_what_it_found_a_line_a_role(tmp_path: Path) -> None:
     """On the terminal: how sure, the signal and its range; of what is open, what decides it."""
     (tmp_path / "car.dbc").write_text(HEAD)

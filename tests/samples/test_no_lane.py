@@ -93,6 +93,7 @@ def test_a_lane_change_and_a_standstill_are_no_holes(seed: int) -> None:
     assert not left_out(t, offset, speed).any()
 
 
+@pytest.mark.long("takes whole drives")
 def test_estimates_do_not_depend_on_what_a_camera_sends_without_a_lane(seed: int) -> None:
     """The gain is that of the offsets that were measured; a zero that counts as one makes it smaller by a third."""
     columns = drive(seed, minutes=10.0)
@@ -110,6 +111,7 @@ def test_estimates_do_not_depend_on_what_a_camera_sends_without_a_lane(seed: int
     assert abs(zeros[0] - absent[0]) < 0.25 * (absent[2] - absent[1])
 
 
+@pytest.mark.long("takes whole drives")
 @mostly(0.9)
 def test_nothing_is_learned_from_a_zero_that_stands_for_no_lane(seed: int) -> None:
     """Of a drive whose offsets are used as where they are absent: 11 samples of the first second halved a gain."""

@@ -128,6 +128,7 @@ def traced(car: Vehicle, several: list[Frame], size: int) -> tuple[Trace, dict[s
     return trace_assembly.trace(samples, car.driver, pipeline.DT), dict(state.sampler.decoding.counters)
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize("kind", NONE)
 def test_samples_are_those_of_a_message_that_does_not_come(kind: str, radar: Vehicle, seed: int) -> None:
     """Who learns, and from what: the same; and the counters say why."""

@@ -91,6 +91,7 @@ def test_a_clock_from_1970_that_is_set_is_cut_and_not_a_pause_of_decades() -> No
     assert len(events) == 1
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize("period", [60.0, 65.536, 3600.0, 2**32 * 1e-6, 86_400.0, 604_800.0, 2**32 * 1e-3])
 @pytest.mark.parametrize("start", [1.0, 45.0])
 def test_a_counter_that_wraps_is_unwrapped(period: float, start: float, seed: int) -> None:

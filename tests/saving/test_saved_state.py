@@ -74,6 +74,7 @@ def restore(driven) -> Callable[[bytes], Restored | Refused]:
     return lambda data: saving.restore(data, NOW)
 
 
+@pytest.mark.long("many states")
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_one_flipped_byte_anywhere_is_refused(data, whole, restore) -> None:

@@ -126,6 +126,7 @@ def test_a_session_on_a_bus_gives_the_diagnosis_of_its_recording(
     assert len(list(open_log(tmp_path / "drive.blf"))) == len(list(open_log(DRIVE)))
 
 
+@pytest.mark.long("sessions with child processes")
 def test_a_child_that_dies_costs_its_diagnosis_alone(tmp_path: Path) -> None:
     """The next one gets all samples again."""
     once = f"if not os.path.exists({str(tmp_path / 'died')!r}): Path({str(tmp_path / 'died')!r}).touch(); os._exit(9)"
@@ -161,6 +162,7 @@ def test_one_that_fails_again_and_again_is_given_up_with_its_reason() -> None:
     assert events[0].says.startswith("no further diagnosis of the drive so far: ")
 
 
+@pytest.mark.long("sessions with child processes")
 def test_a_long_diagnosis_puts_off_the_next(tmp_path: Path) -> None:
     """They take a tenth of a core on average: after 300 s of computing nothing is due for 45 minutes."""
     with diagnosing(CHILD.format(first="", cpu_s=300.0), interval_s=0.05) as process:
@@ -184,6 +186,7 @@ def test_nothing_waits_for_a_child_that_hangs() -> None:
     assert not process._thread.is_alive()
 
 
+@pytest.mark.long("sessions with child processes")
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_the_child_has_the_lowest_priority() -> None:
     """Until somebody waits for it."""

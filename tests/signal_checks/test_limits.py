@@ -48,6 +48,7 @@ def drive(seed: int, low: float, high: float) -> tuple[Columns, Trace]:
     return columns, from_arrays(time=time, output="pedal", units={"accel": "m/s2"}, **columns)
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize(
     ("low", "high", "says"),
     [(-0.6, 0.6, "±0.6"), (-1.0, 1.0, "±1"), (-0.4, 99.0, "-0.4"), (-99.0, 0.5, "0.5")],
@@ -125,6 +126,7 @@ def test_a_long_memory_forgets_what_it_learned_of_a_wrong_signal(tmp_path: Path,
         assert exact(live[each.estimator, round(each.t, 6)]) == exact(each)
 
 
+@pytest.mark.long("takes whole drives")
 def test_without_a_limit_nothing_is_found(seed: int) -> None:
     """The same drive, in coarse steps too."""
     columns, trace = drive(seed, -99.0, 99.0)
@@ -137,6 +139,7 @@ def test_without_a_limit_nothing_is_found(seed: int) -> None:
     assert LearnGate.LIMITED not in coarse.gate
 
 
+@pytest.mark.long("takes whole drives")
 def test_a_limit_holds_over_the_whole_drive(seed: int) -> None:
     """What came before it was known is learned from as well, and is what it would be without a limit."""
     columns, limited = drive(seed, -1.0, 1.0)
@@ -155,6 +158,7 @@ def test_a_limit_holds_over_the_whole_drive(seed: int) -> None:
     assert np.abs(error).max() < 5 * 0.08
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-0.6, 99.0)])
 def test_the_input_at_a_limit_is_what_the_gap_shows(low: float, high: float, seed: int) -> None:
     """The driver's answer outlasts a limit: in the history its value is no measurement, whether it was known or not."""
@@ -173,6 +177,7 @@ def test_the_input_at_a_limit_is_what_the_gap_shows(low: float, high: float, see
     assert np.array_equal(fitted.inputs[same][fitted.learn[same]], limited.inputs[first][fitted.learn[same]])
 
 
+@pytest.mark.long("takes whole drives")
 def test_what_is_passed_later_is_no_limit_of_the_whole_drive(seed: int) -> None:
     """Then the finding covers all of its time, as any other does."""
     _, limited = drive(seed, -1.0, 1.0)
@@ -214,6 +219,7 @@ def test_a_limited_acceleration_fits_the_speed(sides: tuple[bool, bool], seed: i
     assert {"speed_unit", "accel_scale"} & {finding.name for finding in wrong}
 
 
+@pytest.mark.long("takes whole drives")
 def test_chunks_do_not_matter(tmp_path: Path, seed: int) -> None:
     """Samples and findings are the same live, in chunks of some frames, to the last bit."""
     car = vehicle(tmp_path)
@@ -232,6 +238,7 @@ def test_chunks_do_not_matter(tmp_path: Path, seed: int) -> None:
     assert exact(runs[0]) == exact(runs[1])
 
 
+@pytest.mark.long("takes whole drives")
 @needs_measured
 def test_a_clipped_drive() -> None:
     """Limited to ±0.8 m/s; what is left of it is enough to learn from."""

@@ -119,6 +119,7 @@ def test_the_limits_of_an_open_scale_bound_k() -> None:
     assert "the true K may be 0.5 to 2 times as much" in found.says
 
 
+@pytest.mark.long("takes whole drives")
 def test_a_drive_says_the_scale_with_its_result(tmp_path: Path) -> None:
     from canid.analysis.drive.drive_parameters import identify
     from canid.analysis.drive.identification_verdict import verdict

@@ -83,6 +83,7 @@ def test_a_pedal_that_is_released_for_an_unmeasured_brake_is_sound(seed: int) ->
     assert NAME not in named(columns(seed, accel, speed, np.maximum((accel + 0.5) / 0.06, 0.0)))
 
 
+@pytest.mark.long("takes whole drives")
 @needs_measured
 def test_a_measured_kind_of_one_pedal_car_is_left_alone() -> None:
     """Brake and cruise control are 0 throughout; the whole drive is trusted."""

@@ -89,6 +89,7 @@ def stepped(size: float):
     return lambda x: np.round(x / size) * size
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize(
     ("role", "seconds", "name"),
     [("range_rate", 0.2, "range_rate_late"), ("range_rate", 0.5, "range_rate_late"), ("gap", 0.2, "gap_late"),
@@ -105,6 +106,7 @@ def test_a_late_signal_is_measured(role: str, seconds: float, name: str, how, se
     assert not one.withholds
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize("rule", ["forward", "backward"])
 @pytest.mark.parametrize("digits", [2, 4])
 def test_half_a_step_of_a_simulation_is_no_delay(rule: str, digits: int, seed: int) -> None:
@@ -257,6 +259,7 @@ def test_a_finding_that_gets_worse_withholds_more(seed: int) -> None:
     assert found[0].until == found[1].raised
 
 
+@pytest.mark.long("takes whole drives")
 @mostly(0.9)
 def test_coarse_steps_without_noise_are_named(seed: int) -> None:
     """Steps of the size of the movement; not fine ones, and not coarse ones that noise averages over."""

@@ -39,6 +39,7 @@ def lagged(x: Array, tau: float) -> Array:
     return out
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize("sides", [(True, True), (True, False), (False, True)])
 @seeds.mostly(0.9)
 def test_a_limit_behind_a_filter_is_found_by_the_gap(sides: tuple[bool, bool], seed: int) -> None:
@@ -54,6 +55,7 @@ def test_a_limit_behind_a_filter_is_found_by_the_gap(sides: tuple[bool, bool], s
 
 
 # a filter of 0.25 to 0.4 s on 49 of 60 drives: on the others the gap did not show for certain that the rest saturates
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize("filtered", [True, False])
 @seeds.mostly(0.75)
 def test_a_limit_that_its_readings_show_does_not_excuse_the_others(filtered: bool, seed: int) -> None:
@@ -111,6 +113,7 @@ def test_what_is_no_limit_is_not_called_one(kind: str, role: str, seed: int) -> 
     assert NAME not in {finding.name for finding in found}
 
 
+@pytest.mark.long("takes whole drives")
 @pytest.mark.parametrize(("low", "high"), [(-0.6, 0.6), (-np.inf, 0.6)])
 @seeds.mostly(0.8)
 def test_a_limit_that_a_coarse_and_calm_range_rate_reaches_now_and_then_is_found(

@@ -85,6 +85,7 @@ def test_the_same_drive_gives_the_same_numbers() -> None:
     assert one[:-1] == other[:-1]
 
 
+@pytest.mark.long("draws many drivers")
 def test_draws_have_the_stated_gains_and_the_posteriors_delays() -> None:
     _, found = urban()
     gains = found.channels["headway_error"].K, found.channels["range_rate"].K

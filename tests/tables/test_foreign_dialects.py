@@ -99,6 +99,7 @@ DIALECTS = {
 }  # fmt: skip
 
 
+@pytest.mark.long("many or long tables")
 @pytest.mark.parametrize("text", DIALECTS.values(), ids=DIALECTS)
 def test_a_dialect_is_the_drive(text: str, tmp_path: Path) -> None:
     path = tmp_path / "drive.csv"

@@ -96,6 +96,7 @@ def test_positions_of_a_vbo_are_in_degrees_in_either_form(
     assert note == ("." in lat and abs(float(lat)) < 60 and place != (0.0, 0.0) and place[1] != 103.85)
 
 
+@pytest.mark.long("many or long tables")
 @needs_measured
 @pytest.mark.parametrize("name", ["aim.csv", "motec.csv", "rc_1.csv"])
 def test_measured_exports_have_all_rows(name: str) -> None:

@@ -60,6 +60,7 @@ def test_sumo(tmp_path: Path, drive: Platoon, plain: bool) -> None:
         _opened(path, "car.0")
 
 
+@pytest.mark.long("many or long tables")
 @pytest.mark.parametrize("packed", [False, True])
 def test_sumo_in_xml(tmp_path: Path, drive: Platoon, packed: bool) -> None:
     """As written by SUMO, plain or gzipped: ids with entities and letters of other languages, persons, a comment."""
@@ -103,6 +104,7 @@ def test_sumo_without_leaders_says_how_to_write_them(tmp_path: Path, drive: Plat
         open_table(path)
 
 
+@pytest.mark.long("many or long tables")
 @pytest.mark.parametrize("heading", [0.0, 128.0, 217.0, 330.0])
 def test_exid_in_any_direction(tmp_path: Path, heading: float) -> None:
     """The gap is that of the centres, whatever way the motorway runs: no column is trusted whose meaning no page states."""
@@ -318,6 +320,7 @@ def test_one_estimate_over_many_episodes_is_that_of_the_driver(tmp_path: Path) -
     assert widths[0] < 1.3 * widths[1]
 
 
+@pytest.mark.long("many or long tables")
 @needs_measured
 def test_measured_sets() -> None:
     """SUMO's ego behind its lead at 40 m, but where it has none; CitySim's vehicle 12 behind 11, not 13."""

@@ -79,6 +79,7 @@ DATES = {
 }
 
 
+@pytest.mark.long("many or long tables")
 @pytest.mark.parametrize("name", DATES)
 def test_dates_as_programs_write_them(tmp_path: Path, name: str, seed: int) -> None:
     """Over midnight, in one column or two: the frames and the start of times in s; the order of day and month is said."""
@@ -356,6 +357,7 @@ def _orders(rows: Sequence[tuple[float, str]]) -> dict[str, _Drive]:
     }
 
 
+@pytest.mark.long("many or long tables")
 @pytest.mark.parametrize("pattern", ["%H:%M:%S.%L", "%d.%m.%Y %H:%M:%S.%L"])
 def test_rows_in_another_order_are_sorted(tmp_path: Path, pattern: str, seed: int) -> None:
     """Rows of a drive of hours that are in no order are no nights, and no clock that wraps."""

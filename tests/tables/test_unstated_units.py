@@ -108,6 +108,7 @@ def test_times_without_a_unit_are_those_that_the_gap_shows(tmp_path: Path, seed:
     open_table(_written(tmp_path / "x.csv", of, "time,speed [m/s],gap,range_rate,pedal"))
 
 
+@pytest.mark.long("many or long tables")
 @needs_measured
 @pytest.mark.parametrize("log", ["human_h22_v3", "human_h22_v5", "acc_long_h10_v5"])
 def test_measured_drives(log: str) -> None:

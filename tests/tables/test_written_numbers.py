@@ -178,6 +178,7 @@ def test_whole_numbers_of_a_pedal_without_a_unit_are_said(tmp_path: Path, scale:
     assert not any("where they are counts" in note for note in open_table(path).notes)
 
 
+@pytest.mark.long("many or long tables")
 @pytest.mark.parametrize("heading", ["pedal [%]", "pedal"])
 def test_a_pedal_that_never_exceeds_1_is_a_fraction(tmp_path: Path, seed: int, heading: str) -> None:
     """As spreadsheets hold what they show in %: 0.21 under a heading that states %."""

@@ -257,6 +257,7 @@ def truck_log(path: Path, rng: random.Random) -> None:
     write_log(path, sorted(frames, key=lambda frame: frame.t), start_utc=1.7e9)
 
 
+@pytest.mark.long("verbs on whole logs")
 @pytest.mark.parametrize(
     "dbc", [None, *files("reports/53-others/truck.dbc")], ids=["own", "reported"][: 1 + MEASURED.is_dir()]
 )

@@ -182,6 +182,7 @@ def test_on_a_phone_no_name_covers_a_curve(browser: Any, address: str) -> None:
     page.context.close()
 
 
+@pytest.mark.long("pages in a browser")
 def test_six_panels_and_their_axis_of_time_are_on_the_screen(browser: Any, address: str) -> None:
     opened = Opened(browser, address, viewport={"width": 1280, "height": 800})
     opened.until(DRAWN)
