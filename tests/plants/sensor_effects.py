@@ -109,6 +109,21 @@ def step(drive: Drive, size: float, rng: np.random.Generator, *, role: str) -> D
     return _changed(drive, (role,), rounded)
 
 
+def scale(drive: Drive, share: float, rng: np.random.Generator, *, role: str) -> Drive:
+    """Too much by a share."""
+    return _changed(drive, (role,), lambda x: (1.0 + share) * x)
+
+
+def dead_zone(drive: Drive, size: float, rng: np.random.Generator) -> Drive:
+    """A range rate that begins beyond `size` m/s."""
+    return _changed(drive, ("range_rate",), lambda x: x - np.clip(x, -size, size))
+
+
+def unsigned(drive: Drive, size: float, rng: np.random.Generator) -> Drive:
+    """A range rate without its sign up to `size` m/s."""
+    return _changed(drive, ("range_rate",), lambda x: np.where(np.abs(x) < size, np.abs(x), x))
+
+
 def lag(drive: Drive, tau: float, rng: np.random.Generator, *, role: str) -> Drive:
     """First order, time constant `tau` s: a filter in one sensor."""
 
@@ -193,6 +208,12 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("steps of the range rate", (0.1, 0.25, 0.5, 1.0), "m/s", partial(step, role="range_rate"), COARSE),
     Effect("steps of the gap", (0.25, 0.5, 1.0, 2.0), "m", partial(step, role="gap"), COARSE),
     Effect("steps of the speed", (0.1, 0.28, 0.5, 1.0), "m/s", partial(step, role="speed"), COARSE),
+    Effect(
+        "scale of the range rate", (0.02, 0.05, 0.08, 0.12), "too much", partial(scale, role="range_rate")
+    ),
+    Effect("scale of the gap", (0.02, 0.05, 0.08, 0.12), "too much", partial(scale, role="gap")),
+    Effect("dead zone of the range rate", (0.05, 0.1, 0.2, 0.4), "m/s", dead_zone, ("nonlinear",)),
+    Effect("sign of the range rate lost", (0.1, 0.2, 0.3, 0.5), "m/s", unsigned, ("nonlinear",)),
     Effect("range rate lags", DELAYS, "s", partial(lag, role="range_rate"), LATE),
     Effect("gap lags", DELAYS, "s", partial(lag, role="gap"), LATE),
     Effect("speed lags", DELAYS, "s", partial(lag, role="speed"), LATE),

@@ -1,4 +1,4 @@
-"""A range rate that saturates below its limit is found by the gap, and nothing else that sensors do is taken for it."""
+"""A range rate that saturates, or bends near 0, is found by the gap, and nothing else that sensors do is taken for it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests import seeds
 from tests.signal_checks.synthetic import DT, Array, Columns, following
 
 ROLES = ("pedal", "speed", "gap", "range_rate", "accel")
-NAME = "range_rate_saturated"
+NAME, BENT = "range_rate_saturated", "range_rate_nonlinear"
 
 
 def columns(seed: int, minutes: float = 8.0) -> Columns:
@@ -110,7 +110,32 @@ def test_what_is_no_limit_is_not_called_one(kind: str, role: str, seed: int) -> 
     """A drive as it is, and one with a lag, a delay, a scale, steps or much noise in either signal."""
     given = columns(seed)
     found = read(given | {role: OTHERS[kind](given[role])}).findings
-    assert NAME not in {finding.name for finding in found}
+    assert not {NAME, BENT} & {finding.name for finding in found}
+
+
+# of a range rate that moves by some 1 m/s
+NEAR_0: dict[str, Callable[[Array], Array]] = {
+    "dead zone": lambda x: x - np.clip(x, -0.15, 0.15),
+    "sign lost": lambda x: np.where(np.abs(x) < 0.3, np.abs(x), x),
+    "other sign lost": lambda x: np.where(np.abs(x) < 0.3, -np.abs(x), x),
+    "rounded towards 0": lambda x: 0.25 * np.trunc(4.0 * x),
+}
+
+
+@pytest.mark.parametrize("kind", NEAR_0)
+@seeds.mostly(0.9)
+def test_a_range_rate_that_bends_near_0_teaches_nothing(kind: str, seed: int) -> None:
+    """In steps of its own, with holes where a target is lost."""
+    given, rng = columns(seed), np.random.default_rng(seed)
+    rate = given["range_rate"] / float(np.std(given["range_rate"]))
+    gap = 40.0 + (given["gap"] - 40.0) / float(np.std(given["range_rate"]))
+    lost = int(rng.uniform(0.0, len(rate) - 100.0))
+    gone = slice(lost, lost + 50)
+    rate = NEAR_0[kind](rate)
+    rate[gone] = gap[gone] = np.nan
+    trace = read(given | {"range_rate": rate, "gap": gap})
+    assert BENT in {finding.name for finding in trace.findings if finding.withholds}
+    assert not usable(with_limits(trace)).any()
 
 
 @pytest.mark.long("takes whole drives")

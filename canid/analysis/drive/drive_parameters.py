@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from canid.analysis.drive import scale_uncertainty
 from canid.analysis.drive.drive_summary import DriveSummary, summarise
 from canid.mathematics.estimators import (
     ESTIMATORS,
@@ -188,7 +189,7 @@ def _whole_drive(fitted: Trace, trace: Trace, settings: Mapping[str, Any]) -> Id
         duration=float(trace.t[-1] - trace.t[0]) if trace.t.size else 0.0,
         driver_time=time.usable,
         windows=(),
-        whole=estimates(fitted, trace, settings),
+        whole=scale_uncertainty.widened(estimates(fitted, trace, settings), limited),
         orders=(),
         time=time,
         findings=trace.findings,

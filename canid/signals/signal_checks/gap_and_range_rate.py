@@ -16,7 +16,7 @@ from canid.signals.signal_checks.blocks import BLOCK_S, GAP, RANGE_RATE, Block
 from canid.signals.signal_checks.check import Check, Found, unit_of
 from canid.signals.signal_checks.mean_difference import integrals
 from canid.values.state_constraints import TIME
-from canid.values.types import NAN, Array
+from canid.values.types import NAN, Array, Interval
 
 # blocks of one window: 5 s, in which a gap changes by metres
 WINDOW_BLOCKS = 5
@@ -187,6 +187,20 @@ def _scaled(x: Array, y: Array, noise: Array) -> _Scale | None:
     if rest > MAX_SCALED_REST**2 or (RIGHT_SCALE[0] <= scale.high and scale.low <= RIGHT_SCALE[1]):
         return None
     return scale
+
+
+def scale_ratio(change: Array, integral: Array) -> Interval | None:
+    """Ratio of the integral of the range rate to the change of the gap over (n,) windows, where they are one quantity.
+
+    >>> x = 5.0 * np.sin(np.arange(40.0))
+    >>> round(scale_ratio(x, 1.05 * x).value, 3), scale_ratio(x, np.cos(np.arange(40.0)))
+    (1.05, None)
+    """
+    n, xx, yy, xy = len(change), float(change @ change), float(integral @ integral), float(change @ integral)
+    if n < MIN_SCALE_WINDOWS or not xy > math.sqrt(1.0 - MAX_SCALED_REST**2) * math.sqrt(xx * yy):
+        return None
+    scale = _ratio(xx, yy, xy, n)
+    return Interval(scale.ratio, scale.low, scale.high)
 
 
 def _ratio(xx: float, yy: float, xy: float, n: int) -> _Scale:

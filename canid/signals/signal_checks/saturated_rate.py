@@ -1,9 +1,13 @@
-"""A range rate that saturates without a limit that its readings show, coarse or filtered behind it: the gap passes it.
+"""A range rate that is no straight line of the gap's change: it saturates without a limit that shows, or bends near 0.
 
 Second by second the change of the gap less the integral of the range rate (mean_difference.py) is noise, or a line over the
 range rate where a scale is wrong. At the outermost range rates of a side it leaves that line outwards only where the range
 rate says too little: what noise, a lag or rounding do to an extreme makes it too large. Their mean must be outside what the
 middle scatters by, without the stay that shows most as well.
+
+Nor may it bend near 0, where a dead zone, a sign that is lost or rounding towards 0 change what is small: a term of the
+regression that levels off beyond small range rates, odd or even (linearity test; Ramsey 1969). Of a noisy range rate the
+odd one is negative, as the noise is larger against what is small (errors in variables).
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from canid.values.state_constraints import TIME
 from canid.values.types import NAN, Array, Interval
 
 RATE = "range_rate"
+SATURATED, NONLINEAR = f"{RATE}_saturated", f"{RATE}_nonlinear"
 # seconds that are kept, ten minutes; after so many more they are judged again, from two minutes on
 KEPT, JUDGED_EVERY, MIN_SECONDS = 600, 10, 120
 # share of the seconds that are the outermost of a side, and of those on either side that are not of the middle, which the
@@ -34,6 +39,13 @@ MIN_STAYS = 4
 SIGMAS = 3.7
 # of the outermost range rate from the mean, what is missing of it at least: scales of radars are good to a few per cent
 MIN_EXCESS = 0.05
+# quantiles of the size of the range rate, up to which the terms of a bend near 0 go; what it has of the standard deviation
+# of the range rate at least: without one 0.7 % at most (6 drives, noise up to three times the usual), and where numbers no
+# longer held from 1.1 % on: dead zones of 0.1 and 0.25 m/s, rounding towards 0, lost signs. Four terms are judged again and
+# again, and what was found stays: where numbers did not hold they were 9 standard deviations or more
+BEND_QUANTILES, MIN_BEND, BEND_SIGMAS = (0.25, 0.5), 0.01, 5.0
+# of the size up to which a term goes, the rest that a line must leave of it
+MIN_TERM = 0.05
 # of a step, the standard deviation of what rounding to it does
 ROUNDING_SD = 12.0**-0.5
 
@@ -93,7 +105,61 @@ def _judged(state: State) -> Found | None:
                 f"[{excess.low:.2g}, {excess.high:.2g}] more"
             )
             remedy = "it is limited, and coarse or filtered behind that: log it with a wider range"
-            return Found("range_rate_saturated", (RATE,), state.begin, says, remedy)
+            return Found(SATURATED, (RATE,), state.begin, says, remedy)
+    bent = bend(rate, more)
+    if bent is None:
+        return None
+    says = (
+        f"range rate bends near 0: below {bent.below:.2g} m/s it departs from the change of the gap, by {bent.size:.2g} m/s "
+        f"rms more than a line ({100 * bent.share:.0f} % of its movement)"
+    )
+    remedy = "it has a dead zone, loses its sign or is rounded towards 0: map the signal as it was measured"
+    return Found(NONLINEAR, (RATE,), state.begin, says, remedy)
+
+
+class Bend(NamedTuple):
+    """What the range rate lacks near 0, beyond a line."""
+
+    below: float  # m/s
+    size: float  # m/s, rms
+    share: float  # of the standard deviation of the range rate
+
+
+def bend(rate: Array, more: Array) -> Bend | None:
+    """How the range rate bends near 0 against the change of the gap; None: not for certain.
+
+    Args:
+        rate: (n,) m/s.
+        more: (n,) m/s, by which the gap changes more than `rate` says.
+
+    Example:
+        >>> t, rng = np.arange(600.0), np.random.default_rng(1)
+        >>> rate, noise = np.sin(0.3 * t) + 0.3 * np.sin(0.07 * t), 0.05 * rng.standard_normal(600)
+        >>> zone = rate - np.clip(rate, -0.1, 0.1)
+        >>> bend(rate, noise), bend(zone, rate - zone + noise).size > 0.02
+        (None, True)
+    """
+    n, moved = len(rate) - len(rate) % CLUSTER, float(np.std(rate))
+    line = np.stack([np.ones(n), rate[:n]], axis=1)
+    if n < CLUSTER * MIN_CLUSTERS or not moved > 0.0:
+        return None
+    for below in np.quantile(np.abs(rate), BEND_QUANTILES).tolist():
+        terms = (np.clip(rate[:n], -below, below), 1.0), (np.minimum(np.abs(rate[:n]), below), 0.0)
+        for term, sign in terms:
+            given = np.stack([term, more[:n]], axis=1)
+            x, y = (given - line @ np.linalg.lstsq(line, given)[0]).T
+            square = float(x @ x)
+            if not square > (MIN_TERM * below) ** 2 * n:
+                continue
+            slope = float(x @ y) / square
+            of_cluster = (x * (y - slope * x)).reshape(-1, CLUSTER).sum(axis=1)
+            sd = math.sqrt(float(of_cluster @ of_cluster)) / square
+            size = (slope if sign else abs(slope)) * math.sqrt(square / n)
+            if (
+                size > MIN_BEND * moved
+                and abs(slope) > student_half_width(len(of_cluster) - 3.0, BEND_SIGMAS) * sd
+            ):
+                return Bend(below, size, size / moved)
     return None
 
 

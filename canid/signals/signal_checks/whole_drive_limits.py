@@ -9,7 +9,7 @@ from canid.signals.samples import learning_gate, limited_lead
 from canid.signals.samples.lead import REPORTED
 from canid.signals.signal_checks import blocks, saturated_rate
 from canid.signals.signal_checks.limited_values import sides
-from canid.signals.signal_checks.saturated_rate import RATE
+from canid.signals.signal_checks.saturated_rate import NONLINEAR, RATE, SATURATED
 from canid.values.findings import Flags
 from canid.values.types import NAN, TASK_INPUTS, Array, LearnGate, Sample, SignalFinding, Trace
 
@@ -109,7 +109,9 @@ def _is_limit(other: SignalFinding, finding: SignalFinding, t: Array, at: Flags)
 
 def _without_saturated(trace: Trace, hidden: dict[str, Flags]) -> Trace:
     """Judge a range rate that saturates by what its limits leave: none of the drive is withheld by it, or all."""
-    at = [k for k, each in enumerate(trace.findings) if each.withholds and each.name == f"{RATE}_saturated"]
+    at = [
+        k for k, each in enumerate(trace.findings) if each.withholds and each.name in (SATURATED, NONLINEAR)
+    ]
     if not at or RATE not in hidden:
         return trace
     # one that was raised later is of readings that no limit had
