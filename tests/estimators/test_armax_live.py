@@ -9,7 +9,8 @@ from canid.mathematics.estimators.armax import ARMAX, ArmaxSettings
 from canid.values.types import LearnGate, Sample, Status
 
 DT = 0.1
-NAME = "lateral_offset"
+# an offset that its wheel does not move would be taken to be recorded late
+NAME = "headway_error"
 
 # Chen & Ulsoy 2001, table 1, mean; c1 = -0.5
 A, B, C1 = (-1.2623, 0.3697), (4.134, -4.0337), -0.5

@@ -236,12 +236,15 @@ def test_nothing_that_a_stream_may_hold_makes_it_raise(estimator, driven, estima
 def test_lane_keeping_has_one_input(method, driven, estimates):
     """With lateral offset alone the same estimators run and find the planted gain."""
     lateral = [0.3 * s.inputs[1] for s in driven(7, 120.0)]
-    wheel, x, samples = 0.0, 0.0, []
+    wheel, x, moved, seen, samples = 0.0, 0.0, 0.0, [0.0, 0.0], []
     rng = random.Random(1)
-    for k, offset in enumerate(lateral):
-        x += (1 - math.exp(-DT / 0.4)) * ((lateral[k - 2] if k >= 2 else 0.0) - x)
+    for k, pushed in enumerate(lateral):
+        # the car answers its wheel
+        seen.append(pushed + moved)
+        x += (1 - math.exp(-DT / 0.4)) * (seen[k] - x)
         wheel = 0.8 * wheel + 0.1 * rng.gauss(0.0, 1.0)
-        samples.append(Sample(k * DT, 12.0 * x + wheel, (offset,), LearnGate.OPEN, True, 0, {}))
+        samples.append(Sample(k * DT, 12.0 * x + wheel, (seen[-1],), LearnGate.OPEN, True, 0, {}))
+        moved = 0.9 * moved - 0.02 * (12.0 * x + wheel)
     found, _ = estimates(method.make(("lateral_offset",), DT), samples)
     assert found[-1].status is Status.OK
     K = found[-1].channels["lateral_offset"].K

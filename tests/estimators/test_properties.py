@@ -15,7 +15,8 @@ from canid.values.types import Identifiable, LearnGate, Sample, Status
 from tests.seeds import mostly
 
 DT, FINE = 0.1, 0.02
-NAME = "lateral_offset"
+# an offset that its wheel does not move would be taken to be recorded late
+NAME = "headway_error"
 HALF_WIDTHS = 3.0  # some six standard deviations
 # Times in noise that resonates: neither noise model has a resonance. Of 540 random drives 180 had such noise; of 258 times
 # quoted in them three were further off than three half-widths (3.0, 3.4 and 3.7), of 1,351 numbers in other noise none.

@@ -35,6 +35,7 @@ from tests.plants.sensor_effects import (
 OFFSET = "lateral_offset"
 # ° and m, of the sensors
 STEPS = {"steering_angle": 0.1, OFFSET: 0.005}
+CLOCK = "clock of the output"
 # 1/m, standard deviation of the curvature of every other four roads; the others are straight
 CURVES = 3e-4
 
@@ -50,7 +51,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("steps of the offset", (0.02, 0.05, 0.1, 0.2), "m", partial(step, role=OFFSET), COARSE),
     Effect("offset lags", DELAYS, "s", partial(lag, role=OFFSET), LATE),
     Effect("offset late", DELAYS, "s", partial(late, role=OFFSET), LATE),
-    Effect("clock of the output", (50.0, 100.0, 300.0, 1000.0), "ppm", partial(clock, role=OUTPUT)),
+    Effect(CLOCK, (50.0, 100.0, 300.0, 1000.0), "ppm", partial(clock, role=OUTPUT)),
     Effect("0 without a lane", (0.01, 0.05, 0.2, 0.5), "of the time", partial(zero, roles=(OFFSET,)), EMPTY),
     Effect("time wraps", (60.0, 65.536, 3600.0, 4294.967296), "s", wrap),
     Effect("rows lost", (0.05, 0.2, 0.5, 0.8), "of them", drop),

@@ -13,7 +13,14 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from canid.mathematics.estimators import armax_separate, armax_whole_drive, plausibility, pooling, status
+from canid.mathematics.estimators import (
+    agreement,
+    armax_separate,
+    armax_whole_drive,
+    plausibility,
+    pooling,
+    status,
+)
 from canid.mathematics.estimators.armax_state import (
     Quality,
     Setup,
@@ -329,8 +336,7 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         return refused(Status.INCONSISTENT, says)._replace(says=says, residual_tests=tests)
     channels, late = _channels(setup, state, inflation)
     if late:
-        made = refused(Status.INCONSISTENT, armax_whole_drive.INPUT_LATE)
-        return made._replace(says=armax_whole_drive.INPUT_LATE, residual_tests=tests)
+        return refused(Status.INCONSISTENT, late)._replace(says=late, residual_tests=tests)
     q = state.quality
     fit = 100.0 * (1.0 - (q.error / q.power) ** 0.5) if q.power > 0.0 else math.nan
     verdict = plausibility.judge(channels, fit, plausibility.UNLIMITED)
@@ -351,13 +357,12 @@ def _known_s(setup: Setup, state: State) -> float:
     return float(shares @ arx_recursive.rows(state.arx)) * setup.dt
 
 
-def _channels(setup: Setup, state: State, inflation: float) -> tuple[dict[str, Channel], bool]:
-    """Gains and delays by ARX models, the mean of the memories as far as each is believed; is the input recorded late?"""
+def _channels(setup: Setup, state: State, inflation: float) -> tuple[dict[str, Channel], str]:
+    """Gains and delays by ARX models, the mean of the memories as far as each is believed; why none holds, if so."""
     assert state.model is not None
     assert state.arx is not None
     shape, shares = setup.arx, np.array(forgetting_mixture.shares(state.model.trust))
     models = arx_recursive.solved(shape, state.arx)
-    at_once = arx_recursive.answers_at_once(shape, state.arx, models.least)
     theta, na = shares @ models.theta, shape.orders[-1]
     away = models.theta - theta
     covariance = np.einsum("k,kij->ij", shares, models.covariance) + (shares[:, None] * away).T @ away
@@ -370,7 +375,21 @@ def _channels(setup: Setup, state: State, inflation: float) -> tuple[dict[str, C
         if c.status is not Identifiable.NOT
         else c
         for name, c in feedback_bias.without_all(channels).items()
-    }, bool((at_once > armax_whole_drive.ANSWER_SIGMAS).any())
+    }, _late(setup, state.arx)
+
+
+def _late(setup: Setup, arx: arx_recursive.State) -> str:
+    """Why the input is taken to be recorded late, or the output; "": neither is, by how driver and car answer."""
+    driver = arx_recursive.of_least_aic(setup.arx, arx)
+    if any(map(armax_whole_drive.is_at_once, driver.at_once, driver.sums)):
+        return armax_whole_drive.INPUT_LATE
+    if agreement.STEERING not in setup.input_names:
+        return ""
+    car = arx_recursive.of_least_aic(*arx_recursive.exchanged(setup.arx, arx))
+    late = armax_whole_drive.car_is_late(
+        car.A, car.B[0], car.covariance, car.at_once[0], driver.sums[0], setup.dt
+    )
+    return armax_whole_drive.CAR_LATE if late else ""
 
 
 def _residual_tests(setup: Setup, rows: Array) -> ResidualTests | None:

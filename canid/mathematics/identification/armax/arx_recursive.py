@@ -101,8 +101,11 @@ def step(shape: Layout, state: State, forgetting: Sequence[float], row: tuple[fl
     >>> state = init(shape)
     >>> for t in range(900): state = step(shape, state, (0.98, 1.0), (1.0, y[t], u[t]))
     >>> found = solved(shape, state)
-    >>> [round(float(x[15:30].sum() / (1 + x[:15].sum())), 1) for x in found.theta], found.least
-    ([2.4, 2.4], 2)
+    >>> [round(float(x[15:30].sum() / (1 + x[:15].sum())), 1) for x in found.theta]
+    [2.4, 2.4]
+    >>> best = of_least_aic(shape, state)
+    >>> len(best.A), np.abs(best.B).round(1).tolist(), abs(best.at_once[0]) < 3.9 < best.sums[0]
+    (3, [[0.5, 0.0]], True)
     """
     state = state._replace(rows=(*state.rows, row), fresh=state.fresh + 1)
     return state if state.fresh < shape.block else _taken(shape, state, forgetting)
@@ -155,7 +158,6 @@ class Solved(NamedTuple):
     """Least squares of each memory by the model that AIC prefers, zeros where it has no lag; p columns, as laid out."""
 
     orders: tuple[int, ...]  # (k,)
-    least: int  # that AIC prefers in the longest memory, without a margin
     theta: Array  # (k, p) outputs and inputs, no constant
     covariance: Array  # (k, p, p)
 
@@ -167,12 +169,12 @@ def solved(shape: Layout, state: State) -> Solved:
     p = len(wide) - 1
     theta, covariance = np.zeros((k, p)), np.zeros((k, p, p))
     fits = [_least_squares(state, shape.places(order, shape.dead_time)) for order in shape.orders]
-    chosen, least = _chosen(fits, rows(state))
+    chosen = _chosen(fits, rows(state))[0]
     for i, j in enumerate(chosen):
         at = np.flatnonzero(np.isin(wide, shape.places(shape.orders[j], shape.dead_time)))[:-1]
         theta[i, at] = fits[j].theta[i, :-1]
         covariance[i][np.ix_(at, at)] = fits[j].covariance[i, :-1, :-1]
-    return Solved(tuple([shape.orders[j] for j in chosen]), shape.orders[least], theta, covariance)
+    return Solved(tuple([shape.orders[j] for j in chosen]), theta, covariance)
 
 
 def rows(state: State) -> Array:
@@ -210,15 +212,48 @@ def _least_squares(state: State, places: npt.NDArray[np.int64]) -> _Fit:
     return _Fit(theta, scale[:, None, None] * inverse, left / np.maximum(w1, 1.0))
 
 
-def answers_at_once(shape: Layout, state: State, order: int) -> Array:
-    """Of each input, in the longest memory: its answer within the sample, in standard deviations, against the gain's sign.
+class LeastAic(NamedTuple):
+    """The model that AIC prefers in the longest memory, without a margin: lags that nothing asks for hide an answer."""
 
-    Nobody answers so fast: where it is large and of the gain's sign, the input is recorded late. Lags that nothing asks for
-    take its evidence, so that the order is the one of least AIC.
+    A: Array  # (n + 1,)
+    B: Array  # (m, n)
+    covariance: Array  # (m n, m n) of B
+    at_once: tuple[float, ...]  # (m,) answers within the sample, with one more lag, in standard deviations
+    sums: tuple[float, ...]  # (m,) of B, likewise
+
+
+def of_least_aic(shape: Layout, state: State) -> LeastAic:
+    """Fit every order in the longest memory, and choose."""
+    longest = state._replace(products=state.products[-1:], weights=state.weights[:, -1:])
+    fits = [_least_squares(longest, shape.places(order, shape.dead_time)) for order in shape.orders]
+    least = _chosen(fits, rows(longest))[1]
+    n, m, theta = shape.orders[least], shape.inputs, fits[least].theta[0]
+    covariance = fits[least].covariance[0, n:-1, n:-1]
+    B, at_once = theta[n:-1].reshape(m, n), _least_squares(longest, shape.places(n, 0))
+    first = n + n * np.arange(m)
+    answers = at_once.theta[0, first] / np.maximum(np.diag(at_once.covariance[0])[first], 1e-300) ** 0.5
+    variance = covariance.reshape(m, n, m, n)[np.arange(m), :, np.arange(m)].sum(axis=(1, 2))
+    sums = B.sum(axis=1) / np.maximum(variance, 1e-300) ** 0.5
+    return LeastAic(np.r_[1.0, theta[:n]], B, covariance, tuple(answers.tolist()), tuple(sums.tolist()))
+
+
+def exchanged(shape: Layout, state: State) -> tuple[Layout, State]:
+    """The products of the model whose output is the one input, and whose input is the output.
+
+    >>> y, u = np.random.default_rng(0).normal(size=(2, 99))
+    >>> shape = layout(1, 1, 1, 0.1)
+    >>> states = [init(shape), init(shape)]
+    >>> for a, b in zip(y, u):
+    ...     states = [step(shape, one, (1.0,), (1.0, *row)) for one, row in zip(states, ((a, b), (b, a)))]
+    >>> other, turned = exchanged(shape, states[0])
+    >>> other == shape, bool(np.allclose(turned.products, states[1].products))
+    (True, True)
     """
-    places = shape._replace(dead_time=shape.dead_time).places(order, 0)
-    fit = _least_squares(state, places)
-    B = fit.theta[-1, order:-1].reshape(shape.inputs, -1)
-    sd = np.sqrt(np.diag(fit.covariance[-1]))[order:-1].reshape(shape.inputs, -1)
-    out: Array = np.sign(B.sum(axis=1)) * B[:, 0] / np.maximum(sd[:, 0], 1e-300)
-    return out
+    n, reach = shape.orders[-1], shape.reach
+    orders = tuple(order for order in shape.orders if order < reach) or (reach - 1,)
+    m = orders[-1]
+    # lags of the input, the output itself and its lags, one, the input itself
+    at = [*range(n + 1, n + 1 + m), shape.width - 1, *range(m), shape.width - 2, n]
+    sign = np.r_[np.full(m, -1.0), 1.0, np.full(m, -1.0), 1.0, 1.0]
+    products = state.products[:, at][:, :, at] * sign[:, None] * sign
+    return shape._replace(orders=orders, dead_time=1), state._replace(products=products)

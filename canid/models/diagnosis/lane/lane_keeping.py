@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from canid.mathematics.estimators import armax_whole_drive, output_stamps
+from canid.mathematics.identification.identifiability import gain_only
 from canid.models.diagnosis.corrections import Context, Corrected, TooLittleError
 from canid.models.diagnosis.driver import held_out
 from canid.models.diagnosis.driver.driver_intervals import episode_parameters
@@ -46,6 +47,7 @@ class Baseline(NamedTuple):
     data: LaneData
     fitted: FittedLane
     late: str  # why the offset is taken to be recorded late, or by another clock; "": it is neither
+    slow: bool  # the offset lags: gains hold, delays do not
 
 
 class Searched(NamedTuple):
@@ -86,12 +88,13 @@ def prepare(corrected: Corrected) -> Baseline:
     if not lane_fit.answered(data, fitted):
         raise TooLittleError(NO_ANSWER, steps)
     fitted_rows = data.output.usable & ~data.output.hidden
-    late = armax_whole_drive.input_late(trace, fitted_rows)
+    late = armax_whole_drive.own_motion(trace, fitted_rows)[0]
+    slow = late == armax_whole_drive.CAR_SLOW
+    late = "" if slow else late
     # the steps may be all that speaks against the driver
     if late and armax_whole_drive.input_coarse(trace, fitted_rows, lane_fit.VISIBLE_STILL_SHARE):
         raise TooLittleError(late, steps)
-    late = late or armax_whole_drive.own_motion(trace, fitted_rows)[0]
-    return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted, late)
+    return Baseline(corrected._replace(trace=trace, usable=usable), data, fitted, late, slow)
 
 
 def search(base: Baseline) -> Searched:
@@ -168,4 +171,8 @@ def _fit(searched: Searched, solved: FittedLane, out: Array) -> Fit:
     percent, sd = fit_quality(data.output.y, out, data.output.usable & ~data.output.hidden)
     # what does not describe the drive has no number to quote
     channels = lane_fit.channels(solved, data) if not searched.refused else {"lateral_offset": Channel()}
+    if searched.baseline.slow:
+        channels = {
+            name: gain_only(channel, armax_whole_drive.CAR_SLOW) for name, channel in channels.items()
+        }
     return Fit(channels, percent, out, sd)
