@@ -385,8 +385,8 @@ def identify(trace: Trace, settings: ArmaxSettings) -> WholeDrive | None:
     return armax_whole_drive.identify(trace, settings.orders)
 
 
-def forget(setup: Setup, state: State) -> State:
-    """Begin anew; when the next estimate is due stays."""
+def forget(setup: Setup, state: State, since: float) -> State:
+    """Begin anew, as a recursion holds nothing apart that it has learned since; when the next estimate is due stays."""
     return init(setup)._replace(pace=state.pace, pool=state.pool, t=state.t, segment=state.segment)
 
 

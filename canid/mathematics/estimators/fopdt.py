@@ -378,4 +378,13 @@ def _mean(trace: Trace, role: str) -> float | None:
     return float(known.mean()) if len(known) else None
 
 
-FOPDT = Estimator(NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state)
+def forget(setup: Setup, state: State, since: float) -> State:
+    """Begin anew where the window reaches back to before `since` [s]; when the next estimate is due stays."""
+    if state.t - setup.settings.window >= since - status.TIME_ROUNDING_S:
+        return state
+    return init(setup)._replace(pace=state.pace, t=state.t)
+
+
+FOPDT = Estimator(
+    NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state, forget=forget
+)
