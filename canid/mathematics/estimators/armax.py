@@ -26,7 +26,7 @@ from canid.mathematics.estimators.armax_state import (
     with_sample,
 )
 from canid.mathematics.estimators.estimator import Estimator, WholeDrive
-from canid.mathematics.identification import feedback_bias, residual_tests
+from canid.mathematics.identification import feedback_bias, identifiability, residual_tests
 from canid.mathematics.identification.armax import (
     armax_batch,
     armax_recursive,
@@ -340,6 +340,7 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         # what was found against a model is the reason, whatever the gate says just now
         return made._replace(says=says, residual_tests=tests) if verdict.refused else made
     says += unconfirmed(setup, state.learnt)
+    channels = identifiability.given_quoted(channels)
     return Estimate(sample.t, NAME, Status.OK, says, channels, fit, excitation, used, tests)
 
 
