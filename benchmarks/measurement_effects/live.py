@@ -3,8 +3,8 @@
     python -m benchmarks live_intervals [--drives 6] [--minutes 8] [--effect WORD] [--whole] [--first-seed 400000]
 
 Drives of two simulators that are not canid's (tests/plants/outside_drives.py). The first value of each estimator in every
-60 s: FOPDT's windows do not overlap, ARMAX's memory is longer. `--whole`: of the whole drive as well. z is in the interval's
-own standard deviations.
+60 s: FOPDT's windows do not overlap, ARMAX's memory is longer, so that one drive's noise misses in many rows: the drives
+with a miss are counted as well. `--whole`: of the whole drive as well. z is in the interval's own standard deviations.
 """
 
 from __future__ import annotations
@@ -131,13 +131,17 @@ def table(every: Iterable[Number], by: str) -> Iterator[str]:
     for each in every:
         more = (str(getattr(each, by)),) if by else ()
         groups[(each.method, each.quoted.channel, each.quoted.parameter, *more)].append(each)
-    yield f"| method, parameter{', ' * bool(by)}{by} | quoted | cover | mean z | sd z | median half width |"
-    yield "|---|---|---|---|---|---|"
+    names = f"method, parameter{', ' * bool(by)}{by} | quoted | cover | drives | with a miss"
+    yield f"| {names} | mean z | sd z | median half width |"
+    yield "|---|---|---|---|---|---|---|---|"
     for key, of in sorted(groups.items()):
         z = np.array([each.z for each in of])
         half = np.median([0.5 * (each.quoted.interval.high - each.quoted.interval.low) for each in of])
         cover = np.mean([each.quoted.covers for each in of])
-        yield f"| {' '.join(key)} | {len(of)} | {cover:.2f} | {z.mean():+.2f} | {z.std():.2f} | {half:.3f} |"
+        drives = {(each.simulator, each.seed) for each in of}
+        missed = {(each.simulator, each.seed) for each in of if not each.quoted.covers}
+        counts = f"{len(of)} | {cover:.2f} | {len(drives)} | {len(missed)}"
+        yield f"| {' '.join(key)} | {counts} | {z.mean():+.2f} | {z.std():.2f} | {half:.3f} |"
 
 
 def main() -> None:

@@ -410,9 +410,7 @@ class SignalFinding(NamedTuple):
     raised: Annotated[float, TIME]  # s, since when it is known
     says: str  # what, with numbers and their uncertainty
     remedy: str  # what to do
-    withholds: (
-        bool  # an input or the output of the model is among the roles: no estimate is `ok` while it stands
-    )
+    withholds: bool  # of an input or the output of the model: no estimate is `ok` while it stands, at a limit those before
     until: Annotated[float, TIME] = NAN  # s; NaN: it stands
     withholds_delays: bool = False  # the gains hold: tau and dead time alone are withheld
 

@@ -7,6 +7,7 @@ from canid.mathematics.identification.armax import box_jenkins_posterior, box_je
 from canid.mathematics.identification.armax import box_jenkins_recursive as recursion
 from canid.mathematics.identification.first_order import scan
 from canid.mathematics.identification.fopdt import fopdt_fit
+from tests.seeds import mostly
 
 DT, SETTLE, BLOCK, START = 0.1, 4.5, 20, 300
 FORGETTING = (0.98, 0.99, 0.995, 0.998, 1.0)
@@ -14,11 +15,16 @@ LAYOUT = fopdt_fit.row_layout(2, DT, 3.0, 1.5)
 
 
 def drive(seed, n=3000, change=1.0, decay=0.9, still_from=10**9):
-    """Samples of a driver with lags of 0.7 and 0.4 s and noise of its own pole; gains times `change` from half on."""
+    """Samples of a driver with lags of 0.7 and 0.4 s and noise of its own pole; gains times `change` from half on.
+
+    The inputs move as vehicles do: what is faster than 1.3 Hz the estimators take for noise (input_noise.py).
+    """
     rng = np.random.default_rng(seed)
     u = np.column_stack(
         [scan(0.02 * rng.normal(size=n), np.array([0.985])), scan(0.2 * rng.normal(size=n), np.array([0.95]))]
     )
+    for _ in range(2):
+        u = scan(0.2 * u.T, np.array([0.8])).T
     u[still_from:] *= 1e-3
     factor = np.where(np.arange(n) < n // 2, 1.0, change)
     answers = [
@@ -41,9 +47,10 @@ def run(samples, forgetting=FORGETTING):
 
 @pytest.mark.slow("fits many drives")
 @pytest.mark.parametrize("decay", [0.0, 0.9, 0.97])
-def test_it_finds_what_a_batch_fit_of_all_rows_finds(decay):
+@mostly(0.8)
+def test_it_finds_what_a_batch_fit_of_all_rows_finds(decay, seed):
     """Gains and sums of lag and dead time differ from the batch posterior's by less than half of its half-width."""
-    samples = drive(1, decay=decay)
+    samples = drive(seed, decay=decay)
     found = box_jenkins_posterior.channels(LAYOUT, run(samples))
     batch = fopdt_fit.fit_process(samples[:, 0], samples[:, 3:], np.full(len(samples), True), DT).channels
     for own, other in zip(found, batch, strict=True):
@@ -83,16 +90,18 @@ def test_a_driver_who_does_not_change_is_not_refuted():
 
 
 @pytest.mark.slow("fits many drives")
-def test_nothing_is_forgotten_while_nothing_moves():
+@mostly(0.9)
+def test_nothing_is_forgotten_while_nothing_moves(seed):
     """Ten minutes of still inputs take nothing from the longest memory and next to nothing from the shortest."""
-    samples = drive(3, n=8000, still_from=2000)
+    samples = drive(seed, n=8000, still_from=2000)
     before, after = run(samples[:2000]), run(samples)
     K = [
         box_jenkins_posterior._channels_of(LAYOUT, one, len(FORGETTING) - 1, 1.0)[1].K
         for one in (before, after)
     ]
-    assert abs(K[1].value / K[0].value - 1.0) < 0.02
-    assert (K[1].high - K[1].low) < 1.1 * (K[0].high - K[0].low)
+    # ten minutes more show the offset, which the gains of the first three depend on
+    assert abs(K[1].value - K[0].value) < 0.25 * (K[0].high - K[0].low)
+    assert 0.8 < (K[1].high - K[1].low) / (K[0].high - K[0].low) < 1.2
     held = [box_jenkins_state.solved(LAYOUT, one)[4][0, 1] for one in (before, after)]
     assert held[1] > 0.5 * held[0]
     assert np.linalg.eigvalsh(after.products).min() > -1e-9 * np.abs(after.products).max()

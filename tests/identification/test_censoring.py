@@ -34,12 +34,15 @@ class Floored(NamedTuple):
 
 
 def floored(seed: int) -> Floored:
-    """Draw one; the gain is 5."""
+    """Draw one; the gain is 5. The input is smooth: what is faster than 1.3 Hz is taken for noise (input_noise.py)."""
     rng = np.random.default_rng([seed, 9])
     n = 3000
     u = scan(0.35 * rng.normal(size=n), np.array([0.93]))
+    for _ in range(2):
+        u = scan(0.2 * u, np.array([0.8]))
+    u *= 0.95 / u.std()
     x = scan(0.2 * u, np.array([0.8]))
-    demand = 2.0 + 5.0 * np.roll(x, 3) + scan(0.6 * rng.normal(size=n), np.array([0.9]))
+    demand = 2.4 + 5.0 * np.roll(x, 3) + scan(0.6 * rng.normal(size=n), np.array([0.9]))
     free = demand > 0.5
     # as the gate does: three samples after the floor are not learnt from
     usable = free & np.roll(free, 1) & np.roll(free, 2) & np.roll(free, 3)

@@ -14,7 +14,8 @@ from canid.analysis.tables.table import open_table
 from canid.models.pipeline import pipeline
 from canid.signals.samples import reading_spans
 from canid.signals.samples.trace_assembly import trace as assembled
-from canid.signals.signal_checks import signal_checks
+from canid.signals.signal_checks import signal_checks, standing
+from canid.signals.signal_checks.check import Found
 from canid.signals.signal_checks.drive_time import behind_a_lead, fitted_trace
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.frame_columns import chunks
@@ -32,6 +33,7 @@ from tests.exact import exact
 from tests.fixtures.measured_logs import MEASURED, needs_measured
 from tests.plants.outside_drives import drawn_drive, write_table
 from tests.samples.radar import T, frames, vehicle
+from tests.seeds import mostly
 from tests.signal_checks.synthetic import DT, Columns, findings, following
 from tests.tables.reading import read_table
 
@@ -124,6 +126,30 @@ def test_a_long_memory_forgets_what_it_learned_of_a_wrong_signal(tmp_path: Path,
     assert len(along) > 20
     for each in along:
         assert exact(live[each.estimator, round(each.t, 6)]) == exact(each)
+
+
+@pytest.mark.slow("the windows of a drive")
+@mostly(0.9)
+def test_estimates_go_on_from_when_a_limit_is_known(seed: int) -> None:
+    """They collect data at once, and no estimator rests on what came before."""
+    _, trace = drive(seed, -0.6, 0.6)
+    raised = max(finding.raised for finding in trace.findings)
+    soon = [e for e in drive_parameters.windows(trace) if 0.0 < e.t - raised < signal_checks.HOLD_S]
+    assert {e.estimator for e in soon if e.used > 0.0} == {"fopdt", "armax"}
+    assert not any("is limited" in e.says for e in soon)
+    assert all(e.used <= e.t - raised + DT for e in soon if e.used == e.used)
+
+
+def test_another_limit_of_a_signal_is_another_finding() -> None:
+    """Estimators forget what they learned at the second one as well, however soon it comes."""
+    state, news = {}, []
+    for t, limit in ((20.0, 0.8), (40.0, 1.0)):
+        found = Found("range_rate_limited", ("range_rate",), t - 9.0, f"limited at {limit}", "")
+        state, new = standing.step(
+            state, {"limit": found}, t, frozenset({"range_rate"}), 60.0, frozenset({"limit"})
+        )
+        news += new
+    assert sorted(signal_checks.forgotten_at(news)) == [20.0, 40.0]
 
 
 @pytest.mark.long("takes whole drives")

@@ -33,7 +33,7 @@ from canid.mathematics.estimators.armax_state import (
     with_sample,
 )
 from canid.mathematics.estimators.estimator import Estimator, WholeDrive
-from canid.mathematics.identification import feedback_bias, residual_tests
+from canid.mathematics.identification import feedback_bias, identifiability, residual_tests
 from canid.mathematics.identification.armax import (
     armax_batch,
     armax_recursive,
@@ -346,6 +346,7 @@ def _from_data(setup: Setup, state: State, sample: Sample) -> Estimate:
         # what was found against a model is the reason, whatever the gate says just now
         return made._replace(says=says, residual_tests=tests) if verdict.refused else made
     says += unconfirmed(setup, state.learnt)
+    channels = identifiability.given_quoted(channels)
     return Estimate(sample.t, NAME, Status.OK, says, channels, fit, excitation, used, tests)
 
 
@@ -404,8 +405,8 @@ def identify(trace: Trace, settings: ArmaxSettings) -> WholeDrive | None:
     return armax_whole_drive.identify(trace, settings.orders)
 
 
-def forget(setup: Setup, state: State) -> State:
-    """Begin anew; when the next estimate is due stays."""
+def forget(setup: Setup, state: State, since: float) -> State:
+    """Begin anew, as a recursion holds nothing apart that it has learned since; when the next estimate is due stays."""
     return init(setup)._replace(pace=state.pace, pool=state.pool, t=state.t, segment=state.segment)
 
 

@@ -131,6 +131,7 @@ def estimate(
         # what was found against a model is the reason, whatever the gate says just now
         return made._replace(says=says, residual_tests=tests) if verdict.refused else made
     says += unconfirmed(setup, state.learnt) + (f"; {DELAYS_HOLD_IT}" if unknown else "")
+    channels = identifiability.given_quoted(channels)
     return Estimate(
         sample.t, NAME, Status.OK, says, channels, fit, dict(excitation), state.learnt.used, tests
     )

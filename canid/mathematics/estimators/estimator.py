@@ -50,7 +50,7 @@ class Running(NamedTuple, Generic[State]):
     advance: Callable[[State, Sample], tuple[State, bool]]
     estimate: Callable[[State, Sample], tuple[State, Estimate]]
     check_state: Callable[[State], Iterable[str]]  # problems of a restored state
-    forget: Callable[[State], State]  # see `Estimator.forget`
+    forget: Callable[[State, float], State]  # see `Estimator.forget`
 
     def step(self, state: State, sample: Sample) -> tuple[State, Estimate | None]:
         """Take one sample; the estimate, where one is due."""
@@ -83,9 +83,9 @@ class Estimator(NamedTuple, Generic[Settings, Setup, State]):
     check_state: Callable[[Setup, State], Iterable[str]] | None = (
         None  # why a restored state is not of this setup
     )
-    # the state without what was learned, where a finding says that it is wrong (`signal_checks.forgotten_at`); None: nothing
-    # older than `signal_checks.HOLD_S` is remembered
-    forget: Callable[[Setup, State], State] | None = None
+    # the state without what was learned before so many s, where a finding says that it is wrong
+    # (`signal_checks.forgotten_at`); None: nothing is remembered
+    forget: Callable[[Setup, State, float], State] | None = None
 
     def _late(self, setup: Setup, latency: Latency, state: State, sample: Sample) -> tuple[State, Estimate]:
         """Make the estimate that is due, its dead times from what the radar saw."""
@@ -116,7 +116,7 @@ class Estimator(NamedTuple, Generic[Settings, Setup, State]):
         given = self.settings() if settings is None else settings
         setup, latency = self.configure(input_names, dt, given), getattr(given, "latency", None)
         check_state = partial(self.check_state, setup) if self.check_state is not None else lambda state: ()
-        forget = partial(self.forget, setup) if self.forget is not None else lambda state: state
+        forget = partial(self.forget, setup) if self.forget is not None else lambda state, since: state
         return Running(
             self.name,
             partial(self.init, setup),

@@ -17,7 +17,7 @@ from canid.mathematics.estimators.estimator import Estimator, WholeDrive
 from canid.mathematics.identification import feedback_bias
 from canid.mathematics.identification.fopdt import fopdt_fit, fopdt_residual, grid_search, regression_rows
 from canid.mathematics.identification.fopdt.prior import CHANNELS, Prior, check_prior, incomplete, is_empty
-from canid.mathematics.identification.identifiability import not_quotable
+from canid.mathematics.identification.identifiability import given_quoted, not_quotable
 from canid.mathematics.identification.output_filter import DELAYS_HOLD_IT, is_unknown
 from canid.values.state_constraints import TIME
 from canid.values.types import (
@@ -267,6 +267,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
             if kind is not Status.OK:
                 return state, refused(kind, says)._replace(change=change)
             says = f"{says}; K since the driver changed, τ and θ from before"
+            since = given_quoted(since)
             used = sample.t - state.watch.cut
             return state, Estimate(
                 sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change
@@ -305,6 +306,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
         return state, made._replace(says=says, residual_tests=tests) if verdict.refused else made
     if is_unknown(given.output_filter):
         says = f"{says}; {DELAYS_HOLD_IT}"
+    channels = given_quoted(channels)
     return state, Estimate(
         sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests, change=change
     )
@@ -378,4 +380,13 @@ def _mean(trace: Trace, role: str) -> float | None:
     return float(known.mean()) if len(known) else None
 
 
-FOPDT = Estimator(NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state)
+def forget(setup: Setup, state: State, since: float) -> State:
+    """Begin anew where the window reaches back to before `since` [s]; when the next estimate is due stays."""
+    if state.t - setup.settings.window >= since - status.TIME_ROUNDING_S:
+        return state
+    return init(setup)._replace(pace=state.pace, t=state.t)
+
+
+FOPDT = Estimator(
+    NAME, FopdtSettings, configure, init, advance, estimate, identify, check_state=check_state, forget=forget
+)

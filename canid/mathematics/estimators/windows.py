@@ -16,7 +16,7 @@ the last bit as live, because of three rules:
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -37,14 +37,16 @@ class Pending(NamedTuple):
 
 
 def reported_estimates(
-    running: Sequence[AnyRunning], samples: Iterable[Sample], forgotten_at: Collection[float] = ()
+    running: Sequence[AnyRunning],
+    samples: Iterable[Sample],
+    forgotten_at: Mapping[float, float] | None = None,
 ) -> list[Estimate]:
     """Estimates along a drive, the first of each estimator in every `REPORT_EVERY_S` s: the same numbers as live.
 
     Args:
         running: the estimators.
         samples: of the drive.
-        forgotten_at: s, of samples after which what was learned is forgotten.
+        forgotten_at: s, of samples after which what was learned is forgotten -> s, before which; None: of none.
     """
     states = {estimator.name: estimator.init() for estimator in running}
     emitted = dict.fromkeys(states, NAN)  # s, the last estimate that was due
@@ -52,8 +54,9 @@ def reported_estimates(
     out: list[Estimate] = []
     t = NAN
     for sample in samples:
-        if t in forgotten_at:
-            states = {estimator.name: estimator.forget(states[estimator.name]) for estimator in running}
+        if forgotten_at and t in forgotten_at:
+            since = forgotten_at[t]
+            states = {each.name: each.forget(states[each.name], since) for each in running}
         t, now = sample.t, []
         for estimator in running:
             state, due = estimator.advance(states[estimator.name], sample)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from statistics import NormalDist
 
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE, TAIL
 from canid.values.types import NAN, Channel, Identifiable, Interval, Progress
 
 # s. tau and dead time are quoted separately where each is known to half of what drivers differ by (tau 0.4-0.7 s, dead
@@ -25,6 +26,8 @@ SUM_SD = 0.20
 
 # A gain is quoted where it is three standard deviations from zero: then its sign and its size mean something.
 GAIN_RATIO = 3.0
+# From so many on, that only large ones are quoted moves no end of an interval by a hundredth of its width.
+SURE_RATIO = 6.5
 
 # The parameters of a `Channel`.
 PARAMETERS = ("K", "tau", "dead_time", "tau_plus_dead_time")
@@ -212,6 +215,34 @@ def with_gain(channel: Channel, K: Interval) -> Channel:
     """
     changed = channel._replace(K=K)
     return changed if K.low * K.high > 0.0 else not_quotable(changed)
+
+
+def given_quoted(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+    """Channels whose gains reach down to what a gain that was quoted by chance may be (Zhong & Prentice 2008).
+
+    Of gains that are one or two standard deviations from zero, those alone are quoted that noise has made too large. The end
+    next to zero is that of a normal distribution without what is below `GAIN_RATIO`.
+
+    >>> several = {f"{x}": Channel(Interval(x, x - 1.96, x + 1.96), status=Identifiable.GAIN_ONLY) for x in (3.2, 4.5, 7.0)}
+    >>> [round(channel.K.low, 2) for channel in given_quoted(several).values()]
+    [0.0, 1.96, 5.04]
+    """
+    return {name: _given_quoted(c) if quotable(c, "K") else c for name, c in channels.items()}
+
+
+def _given_quoted(channel: Channel) -> Channel:
+    value, low, high = channel.K
+    half = value - low if value > 0.0 else high - value
+    z = NORMAL_QUANTILE * abs(value) / half if half > 0.0 else math.inf
+    if z > SURE_RATIO:
+        return channel
+    near, far = 0.0, max(z - NORMAL_QUANTILE, 0.0)
+    while near < (mean := 0.5 * (near + far)) < far and far - near > 1e-9:
+        # a gain that comes out so large, of those that come out large enough to be quoted
+        certain = math.erfc((z - mean) * 0.5**0.5) > TAIL * math.erfc((GAIN_RATIO - mean) * 0.5**0.5)
+        near, far = (near, mean) if certain else (mean, far)
+    end = math.copysign(near * abs(value) / z, value)
+    return channel._replace(K=Interval(value, end, high) if value > 0.0 else Interval(value, low, end))
 
 
 def quotable(channel: Channel, name: str) -> bool:

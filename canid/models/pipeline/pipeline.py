@@ -167,8 +167,10 @@ def _estimated(parts: _Parts, state: State, sample: Sample) -> tuple[State, list
             estimates.append(estimate)
     agreed, checked = agreement.step(state.agreement, estimates)
     signals, signal_report = signal_checks.step(state.signals, continued, parts.driver, parts.dt)
-    if signal_report is not None and continued.t in signal_checks.forgotten_at(signal_report.findings):
-        states = [estimator.forget(inner) for estimator, inner in zip(parts.estimators, states, strict=True)]
+    forgotten = {} if signal_report is None else signal_checks.forgotten_at(signal_report.findings)
+    if continued.t in forgotten:
+        pairs = zip(parts.estimators, states, strict=True)
+        states = [estimator.forget(inner, forgotten[continued.t]) for estimator, inner in pairs]
     monitored, monitor_report = state.monitor, None
     if parts.monitor is not None and monitored is not None:
         monitored, monitor_report = parts.monitor.step(monitored, continued)

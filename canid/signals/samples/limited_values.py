@@ -48,7 +48,7 @@ MAX_GAP_FACTOR = 4.0
 # readings in a row at an extreme that may be a limit; how much longer than elsewhere a signal stays there, as one that a
 # radar holds repeats its values everywhere; and resolutions by which it would have gone beyond: of 90 signals with noise and
 # no limit, in steps of 0.01 to 0.25 m/s, none reached 2, of those that are limited nine in ten 2 to 50
-MIN_REPEATS, STAY_FACTOR, MIN_EXCESS_AT_ONCE = 3, 1.5, 3.0
+MIN_REPEATS, STAY_FACTOR, MIN_EXCESS_AT_ONCE = 3, 1.5, 2.0
 # of the value; smaller changes are the rounding of a conversion
 ROUNDING = 1e-9
 

@@ -1,7 +1,8 @@
 """All checks of the signals, in estimator time, and which of their findings stand.
 
-A finding stands from the block in which its check first says so until `HOLD_S` after it last did: until then estimates
-still rest on the wrong signal. While one stands that touches an input or the output, no estimate is `ok`.
+A finding stands from the block in which its check first says so until `HOLD_S` after it last did. While one stands that
+touches an input or the output, no estimate is `ok`: what comes is as wrong as what was learned. A limit alone is left out
+from when it is known: the estimators begin anew, and what they say next rests on none of it.
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ def step(state: State, sample: Sample, driver: Driver, dt: float) -> tuple[State
         check_state, verdicts[check.name] = check.step(check_state, block)
         inner.append(check_state)
     watched = frozenset((*_INPUT_ROLES[driver.task], driver.output))
-    stands, news = standing.step(state.standing, verdicts, block.t, watched, HOLD_S)
+    once = frozenset({limited_values.CHECK.name})
+    stands, news = standing.step(state.standing, verdicts, block.t, watched, HOLD_S, once)
     after = State(filling, stands, tuple(inner))
     if not news:
         return after, None
@@ -140,29 +142,30 @@ def at(several: Iterable[SignalFinding], t: float) -> tuple[SignalFinding, ...]:
     return tuple(finding for finding in several if finding.raised <= t and not finding.until <= t)
 
 
-def forgotten_at(several: Iterable[SignalFinding]) -> frozenset[float]:
-    """Times in s after which an estimator that remembers more than `HOLD_S` forgets what it has learned.
+def forgotten_at(several: Iterable[SignalFinding]) -> dict[float, float]:
+    """Times in s after which an estimator forgets what it has learned -> s, before which.
 
     When a finding begins, all of it may rest on the wrong signal. When one ends that was said again since, or that left the
-    gains, so does what was learned meanwhile.
+    gains, so does what was learned until it was last said.
 
     Example:
         >>> limited = SignalFinding("range_rate_limited", ("range_rate",), 3.0, 80.0, "", "", True, until=140.0)
         >>> wrong = SignalFinding("speed_unit", ("speed",), 0.0, 20.0, "", "", True, until=300.0)
-        >>> sorted(forgotten_at([limited, wrong]))
-        [20.0, 80.0, 300.0]
+        >>> sorted(forgotten_at([limited, wrong]).items())
+        [(20.0, 20.0), (80.0, 80.0), (300.0, 240.0)]
     """
-    out = set[float]()
+    out = dict[float, float]()
     for finding in several:
+        lasted = finding.until - finding.raised > HOLD_S + 2.0 * blocks.BLOCK_S
+        if finding.until == finding.until and (finding.withholds_delays or lasted):
+            out.setdefault(finding.until, finding.until - HOLD_S)
         if finding.withholds:
-            out.add(finding.raised)
-        if finding.withholds_delays or finding.until - finding.raised > HOLD_S + 2.0 * blocks.BLOCK_S:
-            out.add(finding.until)
-    return frozenset(t for t in out if t == t)
+            out[finding.raised] = finding.raised
+    return out
 
 
 def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
-    """Withhold the numbers of an estimate while a finding stands that touches an input or the output.
+    """Withhold the numbers of an estimate while a finding stands that touches an input or the output, but for a limit.
 
     Returns:
         The estimate without numbers, `stale` where a value is frozen, else `inconsistent`, with the finding's sentence;
@@ -170,7 +173,7 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
         lead.
     """
     stand = tuple(stand)
-    why = next((finding for finding in stand if finding.withholds), None)
+    why = next((each for each in stand if each.withholds and not limited_values.sides(each)[0]), None)
     if estimate.status not in _FROM_DATA:
         return estimate
     if why is None:

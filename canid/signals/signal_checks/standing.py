@@ -21,7 +21,12 @@ State = Mapping[str, Entry]
 
 
 def step(
-    state: State, verdicts: Mapping[str, Found | None], t: float, watched: frozenset[str], hold: float
+    state: State,
+    verdicts: Mapping[str, Found | None],
+    t: float,
+    watched: frozenset[str],
+    hold: float,
+    once: frozenset[str] = frozenset(),
 ) -> tuple[State, tuple[SignalFinding, ...]]:
     """Take the verdicts of one block.
 
@@ -31,6 +36,7 @@ def step(
         t: s, of the block.
         watched: roles of the model's inputs and output.
         hold: s for which a finding stands after its check last said so.
+        once: checks that say each fault once: what they say again is another one.
 
     Returns:
         The state, and the findings that have begun or ended.
@@ -57,7 +63,8 @@ def step(
             continue
         touched = bool(watched & set(now.roles))
         worse = touched and not now.delays_only
-        if before is not None and before.finding.name == now.name and before.finding.withholds >= worse:
+        same = before is not None and before.finding.name == now.name and check not in once
+        if before is not None and same and before.finding.withholds >= worse:
             # its sentence stays as it was first said: what is shown live and afterwards is the same
             after[check] = before._replace(last=t)
             continue
