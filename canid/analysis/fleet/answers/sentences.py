@@ -39,10 +39,11 @@ def sentences(summary: FleetSummary) -> tuple[str, ...]:
         out.append(f"{n:,} drive{several} for the population; {often}{most.what}")
     if summary.drivers_excluded:
         named = _names([driver.what for driver in summary.drivers_excluded])
-        most = Counter(driver.says for driver in summary.drivers_excluded).most_common(1)[0][0]
-        often = "most often: " * (len({driver.says for driver in summary.drivers_excluded}) > 1)
+        why = Counter(driver.says for driver in summary.drivers_excluded)
+        often = "most often: " * (len(why) > 1)
         out.append(
-            f"nothing is known of {plural(len(summary.drivers_excluded), 'driver')} ({named}); {often}{most}"
+            f"nothing is known of {plural(len(summary.drivers_excluded), 'driver')} ({named}); "
+            f"{often}{why.most_common(1)[0][0]}"
         )
     population = _first(summary)
     if population is not None:
