@@ -54,6 +54,15 @@ def test_where_several_causes_fit_the_first_sentence_has_the_number_and_the_othe
     assert not re.search(r"[{}_]|nats|held-out", first)
 
 
+def test_a_cause_is_named_first_also_where_more_is_left(report_of: Callable[..., Report]) -> None:
+    """The sentence of a drive with a cause and something unexplained held the latter alone."""
+    checks = report_of(Verdict.UNEXPLAINED).checks
+    named = report_of(Verdict.NAMED)
+    first = answer(named._replace(verdict=Verdict.UNEXPLAINED, checks=checks))[0]
+    assert first.startswith(answer(named)[0])
+    assert "Something else is left that no other cause explains: " in first
+
+
 def test_what_the_drive_would_have_hidden_is_said_where_nothing_is_found(
     report_of: Callable[..., Report],
 ) -> None:

@@ -206,9 +206,11 @@ def _says(finding: Finding, report: Report) -> str:
 
 
 def _unexplained(report: Report) -> str:
-    """With the first test that fails, where one does."""
+    """With the first test that fails, where one does; behind the causes that are named all the same."""
     failed = [check for check in report.checks if check.gate and check.passed is False]
     seen = f": {failed[0].says.rstrip('.')}" if failed else ""
+    if any(finding.where in _MEAN and not finding.surrogate for finding in report.findings):
+        return f"{_named(report)} Something else is left that no other cause explains{seen}."
     return f"The model misses something that none of {report.candidates_tried} causes explains{seen}."
 
 
