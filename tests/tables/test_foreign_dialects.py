@@ -95,6 +95,21 @@ DIALECTS = {
     "FILETIME": _text(USUAL, lambda k: str(134_304_298_230_000_000 + 1_000_000 * k)),
     ".NET": _text(USUAL, lambda k: str(639_215_610_230_000_000 + 1_000_000 * k)),
     "24 bits": _text(USUAL.replace("time", "time_ms"), lambda k: str((2**24 - 30_000 + 100 * k) % 2**24)),
+    "17 digits": _text(USUAL, lambda k: (START + timedelta(milliseconds=100 * k)).strftime("%Y%m%d%H%M%S%f")[:17]),
+    "ordinal date": _text(USUAL, _written("%Y-%jT%H:%M:%S.%f")),
+    "hundredths behind a colon": _text(USUAL, lambda k: f"18:{57 + k // 600}:{k // 10 % 60:02d}:{10 * (k % 10):02d}"),
+    "24 bits of 10 µs": _text(USUAL.replace("time", "time [10us]"), lambda k: str((2**24 - 3_000_000 + 10_000 * k) % 2**24)),
+    "32 bits of 0.1 µs": _text(USUAL.replace("time", "t [100 ns]"), lambda k: str((2**32 - 10**8 + 10**6 * k) % 2**32)),
+    "spaces in thousands": _text(USUAL.replace("time", "time [ms]"), lambda k: f"{100 * k:,}".replace(",", " ")),
+    "micros": _text(USUAL.replace("time", "micros"), lambda k: str((2**32 - 30_000_000 + 100_000 * k) % 2**32)),
+    "dist and dv": _text("t,speed [kmph],pedal,dist,dv"),
+    "distance and its difference": _text("time,speed_kmph,pedal,distance [m],speed difference"),
+    "units in words": _text("time (seconds),speed (kilometers per hour),pedal,gap (metres),range rate (meters per second)"),
+    "Polish": _text("Czas [s],Prędkość [km/h],Pedał gazu [%],Odległość [m],Prędkość względna [m/s]"),
+    "Czech": _text("Čas [s],Rychlost [km/h],Plynový pedál [%],Vzdálenost [m],Relativní rychlost [m/s]"),
+    "Swedish": _text("Tid [s],Hastighet [km/h],Gaspedal [%],Avstånd [m],Relativ hastighet [m/s]"),
+    "Russian": _text("Время (с),Скорость (км/ч),Педаль газа (%),Дистанция (м),Относительная скорость (м/с)"),
+    "Korean": _text("시간(s),차속(km/h),가속페달(%),차간거리(m),상대속도(m/s)"),
     "local time": _text(USUAL.replace("time", "local_time"), _written("%Y-%m-%d %H:%M:%S.%f")),
 }  # fmt: skip
 
@@ -244,4 +259,49 @@ def test_a_zip_archive_is_named(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("drive.csv", _text(USUAL))
     with pytest.raises(LogError, match="ZIP"):
+        open_table(path)
+
+
+def test_a_difference_of_speeds_has_the_sign_of_the_gaps_change(tmp_path: Path) -> None:
+    """Under `dv` people write both; without a gap, or where it shows neither, the column is not used."""
+    path = tmp_path / "drive.csv"
+    path.write_text(_text("time,speed [km/h],pedal,gap,dv", factors=(3.6, 1.0, 1.0, -1.0)))
+    _check(path)
+    noise = np.random.default_rng(3).standard_normal(N)
+    lines = _text("time,speed [km/h],pedal,gap,dv").splitlines()
+    path.write_text(
+        "\n".join(
+            [
+                lines[0],
+                *(f"{line.rpartition(',')[0]},{x:.3f}" for line, x in zip(lines[1:], noise, strict=True)),
+            ]
+        )
+    )
+    with pytest.raises(ConfigError, match="range_rate is missing"):
+        open_table(path)
+
+
+def test_the_way_that_was_driven_is_no_gap(tmp_path: Path) -> None:
+    path = tmp_path / "drive.csv"
+    rows = [
+        f"{t:.1f},{v:.3f},20,{way:.2f},0.1"
+        for t, v, way in zip(T, SPEED, np.cumsum(0.1 * SPEED), strict=True)
+    ]
+    path.write_text("\n".join(["time,speed,pedal,distance,range_rate", *rows]))
+    with pytest.raises(ConfigError, match="gap is missing"):
+        open_table(path)
+
+
+def test_ms_of_whole_seconds_under_the_name_of_the_time(tmp_path: Path) -> None:
+    path = tmp_path / "drive.csv"
+    names = USUAL.replace("time,", "time_s,time_ms,")
+    path.write_text(_text(names, lambda k: f"{100 + k // 10},{100 * (k % 10)}"))
+    _check(path)
+
+
+def test_ticks_without_a_unit_are_found_by_the_leads_speed(tmp_path: Path) -> None:
+    path = tmp_path / "drive.csv"
+    rows = [f"{10_000 * k},{SPEED[k]:.4f},20,{GAP[k]:.4f},{SPEED[k] + RATE[k]:.4f}" for k in range(N)]
+    path.write_text("\n".join(["time,speed [m/s],pedal,gap,lead_speed [m/s]", *rows]))
+    with pytest.raises(ConfigError, match=r"state the units of time.*10us"):
         open_table(path)

@@ -47,6 +47,13 @@ def in_order(
         times = times_of(by_role, by, table, texts, name)
     columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
     clock = row_clock.unwrapped(times.t, times.zero, columns, local=times.local)
+    if clock is None and place in table.numbers and by_role[TIME].rest is None:
+        counts = row_clock.counted(clean(table.numbers[place]), columns)
+        if counts is not None:
+            table = table._replace(numbers={**table.numbers, place: counts})
+            times = times_of(by_role, by, table, texts, name)
+            wraps = f"{name}: {by_role[TIME].entry.names[0]}: the counter begins anew, and goes on"
+            times = times._replace(note="; ".join(filter(None, (times.note, wraps))))
     if clock is not None and row_order.by_time(clock.t)[0] is None:
         note = f"{name}: {by_role[TIME].entry.names[0]}: {clock.says}"
         return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""

@@ -38,11 +38,25 @@ _HEADWAYS_S = (0.25, 8.0)
 _MIN_SPEED = 5.0
 
 
+# names, as `Heading.name`, of what may be a gap or the way that was driven; and of differences of two speeds, of either
+# sign. The share of its changes in which a gap falls and rises at least; rows of one change of it; and the share of
+# those in which the sum of the difference has one sign with it
+_DISTANCES = (
+    "dist", "distance", "distanz", "distancia", "distanza", "d", "odległosc", "vzdalenost", "дистанция", "расстояние",
+)  # fmt: skip
+_DIFFERENCES = (
+    "dv", "d_v", "delta_v", "deltav", "delta_speed", "delta_velocity", "speed_difference", "speed_diff",
+    "velocity_difference", "diff_speed", "diff_v", "geschwindigkeitsdifferenz",
+)  # fmt: skip
+_FALLS, _ROWS, _AGREE, _MIN_CHANGES = 0.1, 20, 0.8, 50
+
+
 class Readings(NamedTuple):
     """Roles of the columns."""
 
     roles: Mapping[int, str]  # place -> role, of the columns that have one
     notes: tuple[str, ...] = ()  # what was judged, and the second reading
+    closing: tuple[int, ...] = ()  # range rates that are positive where the gap closes
 
 
 def readings(parsed: Sequence[Heading], source: Source | None, says: Remedies) -> Readings:
@@ -82,7 +96,58 @@ def readings(parsed: Sequence[Heading], source: Source | None, says: Remedies) -
         taken = f"taken as {meant}" if meant else "not used"
         remedy = f"; where it is {other}: {says.column(other, brief(head.text.strip()))}" if other else ""
         notes.append(f"{brief(head.text.strip())}: {taken}: {why}{remedy}")
-    return Readings(roles, tuple(notes))
+    more, turned = _by_changes(roles, parsed, source, says)
+    return Readings(roles, (*notes, *more), turned)
+
+
+def _by_changes(
+    roles: dict[int, str], parsed: Sequence[Heading], source: Source, says: Remedies
+) -> tuple[list[str], tuple[int, ...]]:
+    """Take columns that may be the gap or the range rate for what their changes show: notes, and those that close."""
+    notes, places = list[str](), {role: place for place, role in roles.items()}
+    near = [k for k, head in enumerate(parsed) if k not in roles and head.name in _DISTANCES]
+    if len(near) == 1 and "speed" in places and not {"gap", HEADWAY, "spacing"} & places.keys():
+        x, v = (
+            _column(source, k) * (factor_to(parsed[k].unit or unit, unit) or np.nan)
+            for k, unit in ((near[0], "m"), (places["speed"], "m/s"))
+        )
+        steps = np.diff(x)[np.diff(x) != 0.0]
+        fall = float(np.mean(steps < 0.0)) if steps.size else 0.0
+        if _FALLS <= fall <= 1.0 - _FALLS and _follows(headway := _headways(x, v)[1]):
+            roles[near[0]], places["gap"] = "gap", near[0]
+            notes.append(
+                f"{brief(parsed[near[0]].text.strip())}: taken as gap: it rises and falls, with a median headway of "
+                f"{headway:.2g} s; where it is another distance: {says.column('gap')}"
+            )
+    rates = [k for k, head in enumerate(parsed) if k not in roles and head.name in _DIFFERENCES]
+    if "gap" not in places or len(rates) != 1 or {"range_rate", "lead_speed"} & places.keys():
+        return notes, ()
+    sign = _sign(_column(source, places["gap"], whole=True), _column(source, rates[0], whole=True))
+    text = brief(parsed[rates[0]].text.strip())
+    if not sign:
+        remedy = says.column("range_rate", text)
+        return [*notes, f"{text}: not used: the change of the gap does not show its sign: {remedy}"], ()
+    roles[rates[0]] = "range_rate"
+    way = "opens" if sign > 0.0 else "closes"
+    notes.append(f"{text}: taken as range_rate, positive where the gap {way}, as its changes show")
+    return notes, (rates[0],) if sign < 0.0 else ()
+
+
+def _sign(gap: Array, rate: Array) -> float:
+    """The sign of the sum of the rate with the change of the gap; 0: it has none.
+
+    >>> k = np.arange(400.0)
+    >>> _sign(30.0 + np.sin(0.03 * k), np.cos(0.03 * k)), _sign(30.0 + np.sin(0.03 * k), -np.cos(0.03 * k))
+    (1.0, -1.0)
+    """
+    both = np.isfinite(gap) & np.isfinite(rate)
+    gap, sums = gap[both], np.cumsum(rate[both])
+    change, sums = gap[_ROWS:] - gap[:-_ROWS], sums[_ROWS:] - sums[:-_ROWS]
+    if len(sums) < _MIN_CHANGES:
+        return 0.0
+    agree = np.sign(change * sums)[np.abs(sums) >= np.median(np.abs(sums))]
+    mean = float(agree.mean())
+    return float(np.sign(mean)) if abs(mean) >= 2.0 * _AGREE - 1.0 else 0.0
 
 
 def _by_unit(role: str, head: Heading) -> tuple[str, str]:
@@ -203,8 +268,8 @@ def _numbers(cells: Sequence[str]) -> Array:
     return np.asarray(values[np.isfinite(values)], float)
 
 
-def _column(source: Source, place: int) -> Array:
-    """The numbers of a whole column."""
+def _column(source: Source, place: int, *, whole: bool = False) -> Array:
+    """The numbers of a column; `whole`: NaN where a row has none."""
     parts = [clean(block.numbers[:, 0]) for block in source.blocks([place], [])]
     values = np.concatenate([np.zeros(0), *parts])
-    return np.asarray(values[np.isfinite(values)], float)
+    return np.asarray(values if whole else values[np.isfinite(values)], float)

@@ -1,4 +1,4 @@
-"""What the words of a heading say, in seven European languages: "speed of the lead vehicle".
+"""What the words of a heading say, in eleven European languages: "speed of the lead vehicle".
 
 A heading is understood only where each of its words is known: "speed limit", "lead distance filtered" and "throttle
 position" stand for nothing. The names of `headings.ALIASES` come first.
@@ -15,24 +15,28 @@ _WORDS: dict[str, str] = {
     "fahrzeug des der die das zum zu von vom vor dem ist wert istwert gemessen gemessene aktuelle "
     "du de la le les au aux un une en mesure mesuree vehicule voiture actuelle "
     "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to do da veiculo het tot "
-    "voertuig data field msg",
+    "voertuig data field msg fzg vehicules veiculos vehiculos vozidla pojazdu pojazdow fordon автомобиля da ao dal",
+    "between": "inter between entre zwischen tra mezi miedzy mellan между",
     "own": "own ego host self subject sv fv fav follower foll eigen eigenes eigene propre propio propia proprio propria",
     "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "
-    "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente voorligger",
-    "relative": "relative rel relativ relativa relativo relatieve differenz",
+    "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente voorligger "
+    "poprzedzajacego framforvarande переднего лидера",
+    "relative": "relative rel relativ relativa relativo relatieve differenz wzgledna relativni относительная",
     "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
-    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid",
+    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid "
+    "geschw predkosc hastighet hastighed rychlost скорость",
     "rate": "rate",
-    "distance": "distance dist d space distanz distancia distanza",
-    "gap": "gap range clearance abstand lucke interdistance afstand",
-    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao",
+    "distance": "distance dist d space distanz distancia distanza odległosc vzdalenost дистанция расстояние",
+    "gap": "gap range clearance abstand lucke interdistance afstand avstand odstep",
+    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao przyspieszenie zrychleni "
+    "acceleratie ускорение",
     "along": "longitudinal longit langs longitudinale",
-    "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore",
-    "pedal": "pedal pedale pedaal",
+    "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore gazu plynovy газа speeder",
+    "pedal": "pedal pedale pedaal pedał педаль педали",
     "place": "position pos stellung winkel posicion posizione",
     "brake": "brake braking bremse brems frein freno",
     "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
-    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd",
+    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd czas tid cas время",
     "stamp": "stamp stempel",
     "headway": "headway",
     "satellite": "gps gnss",
@@ -51,11 +55,11 @@ _ROLES: dict[str, tuple[str, ...]] = {
     "lead_speed": ("lead speed",),
     "range_rate": (
         "relative speed", "relative speed lead", "relative speed own", "relative speed lead own", "gap rate",
-        "distance rate", "relative rate gap", "closing speed", "closing speed lead", "closing rate",
+        "distance rate", "relative rate gap", "gap rate lead", "closing speed", "closing speed lead", "closing rate",
     ),
     "gap": (
         "gap", "gap lead", "gap own lead", "gap distance", "distance lead", "distance own lead", "relative distance",
-        "relative distance lead", "gap distance lead",
+        "relative distance lead", "gap distance lead", "distance between", "gap between",
     ),
     "headway": ("headway time", "gap time", "headway time lead", "gap time lead"),
     "accel": ("acceleration", "own acceleration"),

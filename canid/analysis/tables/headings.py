@@ -40,31 +40,35 @@ EXTRA = {
 # columns that name something: numbers or texts, not measured
 IDS = ("vehicle_id", "lead_id", "own_id", "lane", "episode")
 
+# names of counters of time, as functions of microcontrollers are called, and their units
+CLOCKS = {"millis": "ms", "milliseconds": "ms", "micros": "us", "microseconds": "us", "nanos": "ns",
+          "nanoseconds": "ns"}  # fmt: skip
 # usual names, apart from the role's own; compared as `Heading.name`. Left out are those that are used for several things
 # (spacing, throttle, delta_v, acceleration of what, distance from where): `--columns` names them
 ALIASES: dict[str, tuple[str, ...]] = {
     TIME: ("t", "timestamp", "time_stamp", "timestamps", "datetime", "date_time", "utc", "utc_time", "epoch",
            "x_value", "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time",
            "local_time", "system_time", "time_of_day", "unix_time", "unix_timestamp", "rel_time", "abs_time",
-           "simulation_time", "sim_time", "gps_tow", "tow", "time_of_week", "itow", "i_tow", "secs",
-           "header_stamp_secs", "header_stamp_sec", "時間", "時刻", "时间"),
+           "simulation_time", "sim_time", "gps_tow", "tow", "time_of_week", "itow", "i_tow", "secs", "sec",
+           "header_stamp_secs", "header_stamp_sec", "sensor_time", "host_time", "時間", "時刻", "时间", "시간",
+           *CLOCKS),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
               "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",
               "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d",
               "accelerator_position_d", "accel_pedal_pos", "app_pos", "acc_pedal", "acc_ped", "accelerator_pedal_pos", "pps",
-              "アクセル開度", "油门踏板", "油门踏板开度", "加速踏板", "加速踏板开度"),
+              "アクセル開度", "油门踏板", "油门踏板开度", "加速踏板", "加速踏板开度", "가속페달", "가속페달개도"),
     "speed": ("v", "v_ego", "ego_speed", "own_speed", "vehicle_speed", "speed_ego", "vego", "velocity", "ego_velocity",
               "speed_own", "car_speed", "follower_speed", "speed_follower", "self_speed", "v_follower", "host_speed",
               "ground_speed", "corr_speed", "vss", "speed_obd", "obd_speed", "speed_canbus", "車速", "车速", "自车速度",
-              "自車速度"),
+              "自車速度", "차속", "차량속도"),
     "lead_speed": ("v_lead", "speed_lead", "leader_speed", "speed_leader", "lead_velocity", "preceding_speed",
                    "lead_vehicle_speed", "target_speed", "v_leader", "vlead", "lv_speed", "前车速度",
                    "先行車速度", "前車速度"),
     "gap": ("lead_distance", "distance_to_lead", "distance_gap", "gap_distance", "lead_gap", "d_rel", "drel",
             "following_distance", "bumper_to_bumper", "distance_headway_net", "clearance", "range", "dist_to_lead",
-            "inter_vehicle_distance", "target_distance", "車間距離", "车间距", "车距", "跟车距离"),
+            "inter_vehicle_distance", "target_distance", "車間距離", "车间距", "车距", "跟车距离", "차간거리"),
     "range_rate": ("rangerate", "v_rel", "vrel", "relative_speed", "rel_speed", "relative_velocity", "lead_rel_speed",
-                   "gap_rate", "lead_relative_speed", "rel_velocity", "相対速度", "相对速度"),
+                   "gap_rate", "lead_relative_speed", "rel_velocity", "相対速度", "相对速度", "상대속도"),
     HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap", "車間時間", "车头时距"),
     "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
@@ -96,7 +100,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
 # times since a fixed date; where a table has times of another name as well (`canid export --time utc`), those are taken
 DATED = (
     "utc", "utc_time", "epoch", "datetime", "date_time", "device_time", "gps_time", "local_time", "system_time",
-    "time_of_day", "unix_time", "unix_timestamp", "abs_time",
+    "time_of_day", "unix_time", "unix_timestamp", "abs_time", "host_time",
 )  # fmt: skip
 # positive = closing: the other sign
 CLOSING = ("closing_speed", "closing_rate", "closing_velocity", "approach_speed", "approach_rate")
@@ -106,7 +110,8 @@ _NAMED |= dict.fromkeys(CLOSING, "range_rate")
 _NAMED |= {role: role for role in (*ROLES, *EXTRA)}
 # units that a name may end with, such as speed_kmh; an underscore stands for what an identifier cannot hold
 _ENDINGS = {
-    "kmh": "km/h", "kph": "km/h", "km_h": "km/h", "mph": "mph", "mps": "m/s", "m_s": "m/s", "ms": "ms", "us": "us",
+    "kmh": "km/h", "kph": "km/h", "kmph": "km/h", "km_hr": "km/h", "kmhr": "km/h", "km_h": "km/h", "mph": "mph",
+    "mps": "m/s", "m_s": "m/s", "ms": "ms", "us": "us",
     "μs": "us", "ns": "ns", "s": "s", "sec": "s", "m": "m", "ft": "ft", "cm": "cm", "km": "km", "pct": "%",
     "percent": "%",
     "deg": "deg", "rad": "rad", "m_s2": "m/s2", "mps2": "m/s2", "ms2": "m/s2", "fps": "ft/s", "ft_s": "ft/s",
@@ -157,7 +162,7 @@ def heading(text: str) -> Heading:
         for ending in sorted(_ENDINGS, key=len, reverse=True):
             if name.endswith(f"_{ending}"):
                 return Heading(text, name.removesuffix(f"_{ending}").removesuffix("_in"), _ENDINGS[ending])
-    return Heading(text, name, unit)
+    return Heading(text, name, CLOCKS.get(name) if unit is None else unit)
 
 
 def parsed_without_path(headings: Sequence[str]) -> list[Heading]:
@@ -191,6 +196,7 @@ def parsed_without_path(headings: Sequence[str]) -> list[Heading]:
 
 def _name(text: str) -> str:
     bare = "".join(x for x in unicodedata.normalize("NFD", text) if not unicodedata.combining(x))
+    bare = unicodedata.normalize("NFC", bare)  # Hangul
     return re.sub(r"[^\w%°]+|_+", "_", _CAMEL.sub("_", _ELISION.sub("", bare))).strip("_").lower()
 
 

@@ -12,6 +12,7 @@ from canid.analysis.tables.heading_readings import readings
 from canid.analysis.tables.heading_words import says_accelerator
 from canid.analysis.tables.headings import (
     ALIASES,
+    CLOCKS,
     DATED,
     EXTRA,
     HEADWAY,
@@ -145,6 +146,8 @@ def _by_heading(
         if role == TIME:
             places = _finest(places, source)
             exact = [place for place in exact if place in places]
+        if role == TIME:
+            places = [place for place in places if parsed[place].name not in CLOCKS] or places
         if role == TIME and not exact:
             places = _times(places, parsed, source)
         chosen = exact or places
@@ -167,7 +170,9 @@ def _by_heading(
             )
         place = chosen[0]
         entry = ColumnEntry.model_validate(parsed[place].text)
-        by_role[role] = Found(place, entry, parsed[place].unit, closing=closing(parsed[place]))
+        by_role[role] = Found(
+            place, entry, parsed[place].unit, closing=closing(parsed[place]) or place in read.closing
+        )
     if source is not None and "speed" not in by_role and "gnss_speed" in by_role:
         by_role["speed"] = by_role.pop("gnss_speed")
         notes.append("speed: the one by satellite, since there is no other")

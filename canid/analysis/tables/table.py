@@ -224,16 +224,21 @@ def table_of(
 def _judge_units(t: Array, values: Mapping[str, Array], by_role: Mapping[str, Found], name: str) -> None:
     """Raise ConfigError where a unit that is not stated is another one than was taken."""
     has = {role: clean(values[role]) for role in ("speed", "gap", "range_rate") if role in values}
-    clock, why = by_role.get(TIME), ""
+    clock, why, rate = by_role.get(TIME), "", has.get("range_rate")
+    if rate is None and {"lead_speed", "speed"} <= values.keys():
+        rate = clean(values["lead_speed"]) - has["speed"]
     if (
         clock is not None
         and clock.unit is None
         and clock.entry.rate is None
-        and {"gap", "range_rate"} <= has.keys()
+        and "gap" in has
+        and rate is not None
     ):
-        why = unstated_units.of_times(t, has["gap"], has["range_rate"])
+        why = unstated_units.of_times(t, has["gap"], rate)
     if why:
-        raise ConfigError(f"{name}: {why}: state the units of time, gap and range rate, such as time [ms]")
+        raise ConfigError(
+            f"{name}: {why}: state the units of time, gap and range rate, such as time [ms] or [10us]"
+        )
     pair = {role: by_role[role].unit for role in ("gap", "range_rate") if role in has and role in by_role}
     if len(pair) > 1 and None in pair.values():
         why = unstated_units.of_gap(t, has["gap"], has["range_rate"])

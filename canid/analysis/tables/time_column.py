@@ -31,7 +31,7 @@ UNITS = {
 }
 _NAMES = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
           "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "minutes": "min", "hours": "h",
-          "days": "d"}  # fmt: skip
+          "days": "d", "с": "s", "мс": "ms", "micros": "us", "nanos": "ns"}  # fmt: skip
 # numbers from which on a time counts from 1970, by its unit; 2001 in s is 1e9, and no drive lasts 30 years
 _EPOCH_FROM = 1e9
 # a time whose steps are longer than this is taken to count in ms: nothing is identified from a value every 5 s
@@ -52,10 +52,14 @@ _TICKS = (
 # s; LabVIEW counts from 1904: a later time than this, which is 2030 then, and 2096 from 1970, and what lies between both
 _SINCE_1904 = 3.4e9, 2_082_844_800
 _INTEGER = re.compile(r"-?\d{1,19}")
+_TICK = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)? ?([^\W\d]{1,12})")
 # a zone at the end of a date
 _ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
 # a date and a time of day in digits alone
-_DIGITS = re.compile(r"(?P<date>(?:19|20)\d{6})[_T -]?(?P<time>\d{6}(?:[.,]\d+)?)(?P<zone>Z?)")
+_DIGITS = re.compile(
+    r"(?P<date>(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:[0-2]\d|3[01]))[_T -]?(?P<time>(?:[01]\d|2[0-3])[0-5]\d[0-6]\d)"
+    r"(?:[.,]?(?P<part>(?<=[.,])\d+|\d{3}|\d{6}))?(?P<zone>Z?)"
+)
 # a leap second: the clock shows a second more
 _LEAP = re.compile(r"\d\d:59:60(?!\d)")
 # doubles hold whole numbers exactly up to here
@@ -78,8 +82,8 @@ def is_text(sample: Sequence[str]) -> bool:
     Example:
         >>> is_text(["0.0", "0.1"]), is_text(["2018-08-02T15:34:47Z"]), is_text(["1533224087000000000"])
         (False, True, True)
-        >>> is_text(["20260502_080500"]), is_text(["20260502080500.125"])
-        (True, True)
+        >>> is_text(["20260502_080500"]), is_text(["20260502080500.125"]), is_text(["20260502080500125"])
+        (True, True, True)
     """
     for cell in sample:
         if cell:
@@ -99,7 +103,20 @@ def unit_name(text: str) -> str | None:
     """
     plain = text.strip().lower().replace("epoch", "").replace("unix", "").replace("since start", "").strip()
     plain = _NAMES.get(plain, plain)
-    return plain if plain in UNITS else None
+    return plain if seconds_of(plain) else None
+
+
+def seconds_of(unit: str) -> float:
+    """The s of a unit, or of several as a clock's tick; 0: it is none.
+
+    Example:
+        >>> seconds_of("min"), seconds_of("10us"), seconds_of("0.1 ms"), seconds_of("2 x")
+        (60.0, 1e-05, 0.0001, 0.0)
+    """
+    match = _TICK.fullmatch(unit)
+    return (
+        round(float(match[1] or 1.0) * UNITS.get(_NAMES.get(match[2], match[2]), 0.0), 15) if match else 0.0
+    )
 
 
 def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = None) -> Times:
@@ -130,7 +147,7 @@ def of_numbers(values: Array, unit: str | None, name: str, rate: float | None = 
         unit = "s"
     elif unit is None:
         unit, note = _judged(t, name)
-    factor = UNITS[unit]
+    factor = seconds_of(unit)
     since_1970 = first * factor
     if unit == "d":
         # any other number of days has no date
@@ -294,7 +311,7 @@ def _large(texts: Sequence[str], unit: str | None) -> list[int | None]:
             if least <= size <= most:
                 return [None if value is None else value * 100 - zero * 10**9 for value in values]
         unit = next((u for u in ("s", "ms", "us", "ns") if size * UNITS[u] < 1e11), "ns")
-    factor = round(UNITS[unit] * 1e9)
+    factor = round(seconds_of(unit) * 1e9)
     return [None if value is None else value * factor for value in values]
 
 
@@ -304,7 +321,7 @@ def _ns(text: str) -> int | None:
     if of_day is not None:
         return of_day
     if digits := _DIGITS.fullmatch(text):
-        text = f"{digits['date']}T{digits['time']}{digits['zone']}"
+        text = f"{digits['date']}T{digits['time']}.{digits['part'] or '0'}{digits['zone']}"
     text = text.replace(" UTC", "Z").replace("/", "-")
     try:
         stamp = datetime.fromisoformat(text)

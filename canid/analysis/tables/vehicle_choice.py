@@ -81,7 +81,7 @@ def _step(
     if not len(steps):
         return 0.1
     unit = time_column.unit_name(column.unit or "") or time_column.judged_unit(values)
-    return float(np.median(steps)) * time_column.UNITS[unit]
+    return float(np.median(steps)) * time_column.seconds_of(unit)
 
 
 def keeper(

@@ -107,12 +107,15 @@ def head_of(path: Path) -> Head:
     if suffix not in formats.TEXT_SUFFIXES:
         return Head(None, [])
     lines = first_lines(path)
-    for line in lines:
+    for k, line in enumerate(lines):
         for form in formats.FORMS:
             if (not form.suffixes or suffix in form.suffixes) and re.match(form.line, line, re.IGNORECASE):
-                return Head(form, lines)
+                # rows as python-can's below the header of another list
+                other = form.format is formats.FORMATS[".csv"] and any(map(is_frame_list, lines[:k]))
+                return Head(formats.UNKNOWN_LIST if other else form, lines)
     listed = suffix in formats.TABLE_SUFFIXES and (any(map(is_frame_list, lines)) or has_bytes(lines))
-    if listed or (not any(map(is_header, lines)) and bare_lists.form_of(lines) is not None):
+    bare = not any(map(is_header, lines)) and bare_lists.form_of(lines) is not None
+    if listed or bare or (suffix in formats.TABLE_SUFFIXES and bare_lists.may_be(lines)):
         return Head(formats.UNKNOWN_LIST, lines)
     return Head(None, lines)
 

@@ -27,10 +27,18 @@ _DLC = re.compile(r"\d{1,2}")
 
 def read_csv(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
     """Columns in the order of the file; raises LogError where no line is one."""
-    return read(path, state, _take, wanted)
+    numbered = False  # pandas writes the number of each row before it
+
+    def take(text: str, line: Line) -> Row | str:
+        nonlocal numbered
+        numbered |= text == f",{_COLUMN_NAMES}"
+        number, _, rest = text.partition(",")
+        return _take(rest if numbered and (not number or number.isdecimal()) else text)
+
+    return read(path, state, take, wanted)
 
 
-def _take(text: str, line: Line) -> Row | str:
+def _take(text: str) -> Row | str:
     if text == _COLUMN_NAMES:
         return "header lines"
     try:

@@ -90,7 +90,7 @@ FORMS = (
         "record with `candump -L` or `candump -l` (or with `-t a`)",
     ),
     Form(
-        r"timestamp:\s+\d+\.\d+\s+ID:\s",
+        r"(.{0,120}[\s:])?timestamp:\s+\d+\.\d+\s+ID:\s",
         "what python-can prints on the screen",
         Format("canid.io.logs.others.labelled_lines", "read_labelled", "python-can's output for the screen"),
     ),
@@ -107,7 +107,7 @@ FORMS = (
         suffixes=(".trc", ".log", ".txt"),
     ),
     Form(
-        r'"?timestamp"?,"?arbitration_id"?,"?ext|[\d.e+-]+,0x[0-9A-F]+,[01],[01],[01],\d+,',
+        r',?"?timestamp"?,"?arbitration_id"?,"?ext|[\d.e+-]+,0x[0-9A-F]+,[01],[01],[01],\d+,',
         "python-can's .csv",
         _CSV,
     ),

@@ -9,25 +9,28 @@ import re
 ROLES = {
     "time": (
         "time timestamp timestamps timestampepoch abstime absolutetime timeabs systemtime reltime relativetime timeoffset "
-        "timeofday timeepoch timerelative stamp secs headerstampsec t ts zeit zeitstempel temps "
+        "timeofday timeepoch timerelative stamp secs headerstampsec t ts zeit zeitstempel temps tiempo tempo czas čas tid "
+        "tijd hosttime devicetime sensortime "
         "时间标识 时间戳 时间 系统时间 時刻 время"
     ),
     "date": "date datum 日期",
     "rest": "nsecs nanosec nsec ns usecs usec us micros microseconds msecs msec ms millis milliseconds",
     "id": (
         "id aid canid arbitrationid arbid identifier messageid msgid frameid canidentifier addr address kennung idhex iddec "
-        "id号 帧id 报文id 識別子 идентификатор"
+        "id号 帧id 报文id 識別子 идентификатор identifiant identificador identificatore"
     ),
     "data": (
         "data datafield databytes payload message msgdata framedata candata rawdata datahex databytehex daten 数据 データ "
-        "данные"
+        "данные données datos dados dati dane"
     ),
-    "length": "dlc len length datalength datalen dl bytes size msglen messagelength lange länge 长度 数据长度 長さ длина",
+    "length": "dlc len length datalength datalen dl bytes size msglen messagelength lange länge 长度 数据长度 長さ длина "
+    "longueur longitud comprimento lunghezza długość",
     "extended": (
         "ide ext extended xtd ex isextended extendedid isextendedid format frameformat idformat idtype 帧格式"
     ),
-    "way": "dir direction rxtx txrx 传输方向 方向",
-    "bus": "bus busid buschannel channel chan chn ch canchannel canbus interface port network can通道 通道 通道号",
+    "way": "dir direction rxtx txrx 传输方向 方向 richtung sens dirección direção direzione kierunek направление",
+    "bus": "bus busid buschannel channel chan chn ch canchannel canbus interface port network can通道 通道 通道号 "
+    "kanal canal canale kanał kanaal канал チャンネル チャネル",
     "remote": "rtr rt remote isremote remoteframe isremoteframe",
     "error": "error err iserror errorframe iserrorframe er",
     "fd": "fd edl fdf isfd canfd",
@@ -116,7 +119,7 @@ def unit_of(cell: str) -> int:
     ):
         return _UNITS["s"]  # of CSS Electronics, ROS and Wireshark
     match = _UNIT.search(text)
-    return _UNITS.get(match[1], 0) if match else 0
+    return _UNITS.get(match[1] if match else text, 0)
 
 
 def rest_of(cell: str) -> int:

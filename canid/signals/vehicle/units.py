@@ -19,13 +19,17 @@ class Unit(NamedTuple):
 # 1852 m/h).
 _KMH, _MPH, _KNOT = 1 / 3.6, 0.44704, 1852 / 3600
 _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
-    ("speed", 1.0, ("m/s", "mps", "ms-1", "meter/sec", "m/sec", "meters/second", "metres/second")),
-    ("speed", _KMH, ("km/h", "kph", "kmh", "kmph", "km/hr", "kmh-1")),
+    ("speed", 1.0, ("m/s", "mps", "ms-1", "meter/sec", "m/sec", "meters/second", "metres/second", "м/с")),
+    (
+        "speed",
+        _KMH,
+        ("km/h", "kph", "kmh", "kmph", "km/hr", "kmh-1", "kilometers/hour", "kilometres/hour", "км/ч"),
+    ),
     ("speed", _MPH, ("mph", "mi/h", "mile/h", "miles/h", "mile/hour", "miles/hour")),
     ("speed", _KNOT, ("kn", "knot", "knots", "kt", "kts")),
-    ("speed", 0.3048, ("ft/s", "fps")),
+    ("speed", 0.3048, ("ft/s", "fps", "feet/second")),
     ("speed", 0.01, ("cm/s",)),
-    ("length", 1.0, ("m", "meter", "meters", "metre", "metres")),
+    ("length", 1.0, ("m", "meter", "meters", "metre", "metres", "м")),
     ("length", 1000.0, ("km",)),
     ("length", 0.01, ("cm",)),
     ("length", 0.1, ("dm",)),
@@ -71,9 +75,10 @@ def unit_of(text: str) -> Unit | None:
         Unit(dimension='speed', factor=0.2777777777777778)
         >>> unit_of("m·s⁻¹") == unit_of("m s^-1") == unit_of("m/s"), unit_of("m/s²") == unit_of("m/s**2")
         (True, True)
-        >>> unit_of("bananas") is None
-        True
+        >>> unit_of("bananas") is None, unit_of("meters per second") == unit_of("м/с") == unit_of("m/s")
+        (True, True)
     """
+    text = text.replace(" per ", "/")
     plain = _TYPOGRAPHY.sub("", unicodedata.normalize("NFKC", text).lower().replace("\u2212", "-"))
     return _UNITS.get(plain.strip("[]."))
 

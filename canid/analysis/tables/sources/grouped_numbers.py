@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-# apostrophe, typographic apostrophe, no-break spaces: separators that are never a decimal sign
-_NEUTRAL = "'\u2019\u00a0\u202f"
+# apostrophe, typographic apostrophe, spaces: separators that are never a decimal sign
+_NEUTRAL = "'\u2019\u00a0\u202f "
 _COMMAS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
 _NEUTRALS = re.compile(rf"[-+]?[1-9]\d{{0,2}}(?:[{_NEUTRAL}]\d{{3}})+(?:[.,]\d*)?")
 # 0.125 groups nothing

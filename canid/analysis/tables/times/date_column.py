@@ -114,7 +114,8 @@ def _rest(source: Source, times: Found) -> tuple[int, int] | None:
     """The column that counts on within the whole seconds of the times, and how many are a second; None: there is none."""
     sample = source.sample()
     for place, text in enumerate(source.headings):
-        name = heading(text).name.rpartition("header_stamp_")[2]
+        head = heading(text)
+        name = (head.unit if role_of(head) == TIME else None) or head.name.rpartition("header_stamp_")[2]
         size = next((n for n, names in _RESTS.items() if name in names), 0)
         cells = sample[place] if size and place != times.place else []
         rests, shown = [number(cell) for cell in cells], sample[times.place]

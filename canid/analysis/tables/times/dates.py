@@ -6,8 +6,8 @@ Which of two numbers is the month is judged from all cells of a column together,
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from datetime import date
+from collections.abc import Callable, Sequence
+from datetime import date, datetime
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -28,17 +28,23 @@ _MINUTES = re.compile(r"(?P<m>\d{1,4}):(?P<s>[0-5]\d[.,]\d+)")
 _CLOCK = re.compile(_TIME, re.VERBOSE | re.IGNORECASE)
 _WRITTEN = re.compile(rf"{_DATE}(?:(?:T|,?\ ){_TIME}{_ZONE})?", re.VERBOSE | re.IGNORECASE)
 # written as the others are before it is read: ctime's "Wed Aug 05 18:57:03 GMT+02:00 2026", 2026年8月5日, 18:57:03:125
-_USUAL = (
+_USUAL: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
     (
         re.compile(r"(?:\w{3},? )?(\w{3}) {1,2}(\d{1,2}) (\d\d:\d\d:[\d.,]{2,12})( [^\d ]\S{0,9})? (\d{4})"),
         r"\1 \2 \5 \3\4",
     ),
     (re.compile(r"(\d{4})年(\d{1,2})月(\d{1,2})日"), r"\1-\2-\3"),
+    # an ordinal date (ISO 8601), as 2026-217
+    (
+        re.compile(r"^([12]\d{3}-)(00[1-9]|0[1-9]\d|[12]\d\d|3[0-5]\d|36[0-6])(?=[T ]|$)"),
+        lambda match: f"{datetime.strptime(match[0], '%Y-%j'):%Y-%m-%d}",
+    ),
     (re.compile(r"(:\d\d?:\d\d?):(\d{3})\b"), r"\1.\2"),
 )
 # hours, minutes, seconds, and a number that may be of milliseconds; times at which it must go back as a fraction
 _MILLISECONDS = re.compile(r"(?P<rest>.*:\d{1,2}:\d{1,2})(?P<mark>[.:,])(?P<ms>\d{1,3})")
 _MIN_BACK = 3
+_MAX_PICTURES = 60
 # a time since a start, as pandas and Python write it
 _SINCE = re.compile(r"\+?(\d{1,5}) days?,? (.+)")
 _DAY_NS = 86_400 * NS_PER_S
@@ -108,11 +114,18 @@ def with_zeros(texts: Sequence[str]) -> Sequence[str]:
     """Times whose milliseconds are written without leading zeros, with them: 3.20 is 3.020 where it precedes 3.100.
 
     Example:
-        >>> with_zeros(["8:00:3:90", "8:00:3:100"])
-        ['8:00:3:090', '8:00:3:100']
+        >>> with_zeros(["8:00:3:90", "8:00:3:100"]), with_zeros(["8:00:03:05", "8:00:03:95"])
+        (['8:00:3:090', '8:00:3:100'], ['8:00:03.05', '8:00:03.95'])
     """
     cells = [_MILLISECONDS.fullmatch(text.strip()) for text in texts]
-    if len({len(cell["ms"]) for cell in cells if cell}) < 2:
+    lengths = {len(cell["ms"]) for cell in cells if cell}
+    if lengths == {2} and any(int(cell["ms"]) >= _MAX_PICTURES for cell in cells if cell):
+        # hundredths, since no camera takes so many pictures a second
+        return [
+            f"{cell['rest']}.{cell['ms']}" if cell and cell["mark"] == ":" else text
+            for cell, text in zip(cells, texts, strict=True)
+        ]
+    if len(lengths) < 2:
         return texts
     pairs = [(a["ms"], b["ms"]) for a, b in pairwise(cells) if a and b and a["rest"] == b["rest"]]
     back = sum(float(f".{a}") > float(f".{b}") for a, b in pairs)
@@ -148,8 +161,8 @@ def is_date(text: str) -> bool:
     """Whether a text is a date, with a time of day or without.
 
     Example:
-        >>> is_date("05.08.2026"), is_date("Aug 5, 2026 18:57"), is_date("18:57")
-        (True, True, False)
+        >>> is_date("05.08.2026"), is_date("Aug 5, 2026 18:57"), is_date("18:57"), is_date("2026-217"), is_date("2026-367")
+        (True, True, False, True, False)
     """
     return of_texts([text]).ns[0] is not None
 

@@ -30,6 +30,9 @@ _MAX_SET, _SET_SHARE = 3, 0.5
 # as many rows as elsewhere, times this: more are those of two parts
 _TWICE = 1.5
 
+# counts after which a counter of 16, 24 and 32 bits begins anew
+_COUNTERS = (2.0**16, 2.0**24, 2.0**32)
+
 _Rows = npt.NDArray[np.int64]
 
 
@@ -94,6 +97,38 @@ def unwrapped(t: Array, zero: float, columns: Sequence[Array], *, local: bool) -
     out = t.copy()
     out[known] = session_clock.rounded(t[known] + np.cumsum(added), float(np.abs(t[known]).max()))
     return Clock(out, "; ".join(said))
+
+
+def counted(t: Array, columns: Sequence[Array]) -> Array | None:
+    """Whole numbers of a counter of 16, 24 or 32 bits that begins anew, as one that goes on, in whatever unit it counts.
+
+    Args:
+        t: (n,) counts, of the rows as they stand; NaN: none.
+        columns: (n,) each, measured values, which go on across it.
+
+    Example:
+        >>> t = np.array([65_300.0, 65_400.0, 65_500.0, 64.0, 164.0])
+        >>> counted(t, [np.arange(5.0)]).tolist(), counted(t - 9_000.0, [np.arange(5.0)])
+        ([65300.0, 65400.0, 65500.0, 65600.0, 65700.0], None)
+    """
+    known = np.flatnonzero(np.isfinite(t))
+    steps = np.diff(t[known])
+    back = steps < 0.0
+    if not back.any() or not (steps > 0.0).any() or (t[known] != np.rint(t[known])).any():
+        return None
+    usual = float(np.median(steps[steps > 0.0]))
+    for period in _COUNTERS:
+        across = steps[back] + period
+        if (
+            t[known].min() >= 0.0
+            and t[known].max() < period
+            and (across > 0.0).all()
+            and across.max() <= _MUCH * usual
+        ):
+            out = t.copy()
+            out[known[1:]] += period * np.cumsum(back)
+            return out if _go_on(columns, known, np.flatnonzero(back) + 1) else None
+    return None
 
 
 def _at_its_end(before: float, behind: float, wrap: clock_wraps.Wrap) -> bool:

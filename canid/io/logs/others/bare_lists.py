@@ -1,8 +1,9 @@
 """Lists of CAN frames without a header: which column is which, where the rows prove it.
 
-`1478198376.389427,0316,8,05,21,68,09,21,21,00,6f,R`: a number that says how many bytes follow is the length, what stands
-between it and the time is the id and perhaps Rx or Tx. A row in which something else stands there has no known form: a
-channel may be a length.
+`1478198376.389427,0316,8,05,21,68,09,21,21,00,6f,R`: a number that says how many bytes follow, with blanks between them or
+without, is the length. Between it and the time, which the number of the row may precede, stand the id, before it perhaps a
+channel, behind it a digit that is 1 where the id has 29 bits, and Rx or Tx. A row in which something else stands there has
+no known form, nor have decimal numbers: ids of digits alone may be hexadecimal all the same.
 """
 
 from __future__ import annotations
@@ -12,11 +13,15 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from canid.values.frame_columns import MAX_STANDARD_ID
+
 _TIME = re.compile(r"-?\d{1,20}([.,]\d{1,20})?|\d\d?:\d\d:\d\d([.,:]\d{1,9})?")
 _ID = re.compile(r"0x[0-9a-f]{1,8}x?|[0-9a-f]{3,8}[hx]?", re.IGNORECASE)
 _OCTET = re.compile(r"(0x)?[0-9a-f]{2}|0x[0-9a-f]", re.IGNORECASE)
+_JOINED = re.compile(r"(?:0x)?(?:[0-9a-f]{2}){2,64}", re.IGNORECASE)
 _HEX = re.compile(r"0.|.*[a-f]", re.IGNORECASE)
 _WAY = re.compile(r"rx|tx", re.IGNORECASE)
+_BUS = re.compile(r"\d{1,2}|(?:v?can|slcan|ch|bus)[ _-]?\d{1,2}", re.IGNORECASE)
 # rows of one form that show it, and their share of those that begin with a time
 _MIN_ROWS, _SHARE = 3, 0.9
 # cells behind the bytes: a mark or a label
@@ -28,25 +33,19 @@ class Form(NamedTuple):
     """The columns of a list without a header; the bytes are as many as the length says."""
 
     delimiter: str
-    id: int
-    way: int  # -1: none
-    length: int
+    names: tuple[str, ...]  # the header that the list might have, from the first column to that of the data
     behind: str  # the first thing that stands behind the bytes; "": nothing does
-
-    @property
-    def names(self) -> list[str]:
-        """The header that the list might have."""
-        names = {0: "Time", self.id: "ID", self.way: "Dir", self.length: "DLC", self.length + 1: "Data"}
-        return [names[k] for k in range(self.length + 2)]
 
 
 def form_of(lines: Sequence[str]) -> Form | None:
     """The form of the rows; None: they have none that is known, or not one alone.
 
     >>> form_of(["0.10,0316,2,05,21,R", "0.11,02B0,1,FF,R", "0.12,0316,0,R"])
-    Form(delimiter=',', id=1, way=-1, length=2, behind='R')
+    Form(delimiter=',', names=('Time', 'ID', 'DLC', 'Data'), behind='R')
     >>> form_of(["0.10,0316,1,2,05,21"] * 3), form_of(["0.1,850,0,20.5", "0.2,851,1,20"] * 3)
     (None, None)
+    >>> form_of([f"{k},0.1{k},can0,0x316,0,2,0521" for k in range(3)]).names
+    ('No', 'Time', 'Channel', 'ID', 'Extended', 'DLC', 'Data')
     """
     for delimiter in DELIMITERS:
         rows = [[cell.strip(" \"'") for cell in line.split(delimiter)] for line in lines if delimiter in line]
@@ -57,6 +56,8 @@ def form_of(lines: Sequence[str]) -> Form | None:
         # of numbers alone it may be a table of signals
         if (
             kind is not None
+            # names in a language that is not known may state a unit
+            and (len(rows[0]) < len(kind.names) - 1 or re.search(r"\d", "".join(rows[0])))
             and most >= max(_MIN_ROWS, _SHARE * len(timed))
             and 2 * sum(x for _, x in forms) >= most
         ):
@@ -79,24 +80,62 @@ def octets(cells: Sequence[str], n: int) -> list[str]:
     >>> octets(["05", "0x21", "R"], 2), octets(["05 21"], 1)
     (['05', '21'], ['05'])
     """
-    words = [word for cell in cells for word in cell.split()][:n]
+    words = [word for cell in cells for word in cell.split()]
+    if words and n > 1 and _JOINED.fullmatch(words[0]) and len(words[0].removeprefix("0x")) == 2 * n:
+        words = re.findall("..", words[0].removeprefix("0x"))
+    words = words[:n]
     return [word[2:] if word[:2] in ("0x", "0X") else word for word in words]
+
+
+def may_be(lines: Sequence[str]) -> bool:
+    """Whether rows may be frames, whatever stands between their times and their lengths, and in whatever base.
+
+    >>> may_be(["0.1,790,2,5,33", "0.2,790,1,104", "0.3,790,2,7,0"]), may_be(["0.1,790,2.5,5,33"] * 3)
+    (True, False)
+    """
+    rows = [re.split("[,;\t ]+", line.strip()) for line in lines]
+    good = [
+        any(word.isdecimal() and 1 <= int(word) == len(cells) - k - 1 for k, word in enumerate(cells[2:7], 2))
+        and all(re.fullmatch(r"[0-9a-fx]{1,10}", cell, re.IGNORECASE) for cell in cells[1:])
+        for cells in rows
+    ]
+    return sum(good) >= max(_MIN_ROWS, _SHARE * len(rows))
 
 
 def _form(cells: Sequence[str], delimiter: str) -> tuple[Form, bool] | None:
     """The form of a row, and whether it has bytes and hexadecimal numbers."""
-    for length in (2, 3):
-        if length >= len(cells) or not re.fullmatch(r"\d{1,2}", cells[length]):
+    time = int(len(cells) > 1 and cells[0].isdecimal() and re.fullmatch(r"\d+[.,:].+", cells[1]) is not None)
+    forms = list[tuple[int, Form, bool]]()
+    for length in range(time + 2, min(time + 6, len(cells))):
+        names = _between(cells[time + 1 : length])
+        if not names or not _TIME.fullmatch(cells[time]) or not re.fullmatch(r"\d{1,2}", cells[length]):
             continue
-        n = int(cells[length])
-        words = [word for cell in cells[length + 1 :] for word in (cell.split() or [""])]
-        data, behind = words[:n], [word for word in words[n:] if word]
-        between = range(1, length)
-        ids = [k for k in between if _ID.fullmatch(cells[k])]
-        ways = [k for k in between if _WAY.fullmatch(cells[k])]
+        n, words = int(cells[length]), [word for cell in cells[length + 1 :] for word in cell.split()]
+        data = octets(words, n)
+        behind = words[n if data[:1] == octets(words, 1) else 1 :]
         whole = len(data) == n <= 64 and all(map(_OCTET.fullmatch, data))
-        alone = len(behind) <= _MAX_BEHIND and not any(map(_OCTET.fullmatch, behind))
-        if whole and alone and len(ids) == 1 and len(ids) + len(ways) == len(between):
-            is_hex = n > 0 and any(map(_HEX.match, (cells[ids[0]], *data)))
-            return Form(delimiter, ids[0], (*ways, -1)[0], length, "".join(behind[:1])), is_hex
-    return None
+        if whole and len(behind) <= _MAX_BEHIND and not any(map(_OCTET.fullmatch, behind)):
+            is_hex = n > 0 and any(map(_HEX.match, (cells[time + 1 + names.index("ID")], *data)))
+            names = [*("No", "Time")[1 - time :], *names, "DLC", "Data"]
+            forms.append((n, Form(delimiter, tuple(names), "".join(behind[:1])), is_hex))
+    return max(forms, key=lambda each: each[0])[1:] if forms else None
+
+
+def _between(cells: Sequence[str]) -> list[str]:
+    """The names of the columns between the time and the length; none: they are not known.
+
+    >>> _between(["Rx", "0316"]), _between(["can0", "18FEF100", "1"]), _between(["316", "1"]), _between(["7"])
+    (['Dir', 'ID'], ['Channel', 'ID', 'Extended'], [], [])
+    """
+    names, wide = list[str](), ""
+    for cell in cells:
+        if _WAY.fullmatch(cell):
+            names.append("Dir")
+        elif not wide and _ID.fullmatch(cell):
+            names.append("ID")
+            wide = str(int(int(cell.lower().rstrip("hx").removeprefix("0x"), 16) > MAX_STANDARD_ID))
+        elif cell == wide or (not wide and _BUS.fullmatch(cell)):
+            names.append("Extended" if wide else "Channel")
+        else:
+            return []
+    return names if wide and len({*names}) == len(names) else []

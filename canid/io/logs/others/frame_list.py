@@ -19,6 +19,7 @@ from canid.io.logs.others import bare_lists
 from canid.io.logs.others.list_clock import Clock
 from canid.io.logs.others.table_layout import (
     COUNTER,
+    EXTENDED_BIT,
     ID,
     NO,
     NUMBER,
@@ -47,8 +48,8 @@ _PANDA_SENT, _PANDA_REFUSED = 128, 192
 # types of a CSS CL1000, CL2000: received and sent, of 11 and 29 bits
 _LOGGER_TYPES = {"0": (0, False), "1": (0, True), "8": (int(Flag.TX), False), "9": (int(Flag.TX), True)}
 _SENT, _RECEIVED = (
-    ["1", "t", "tx", "transmit", "transmitted", "send", "sent", "out", "发送"],
-    ["0", "r", "rx", "receive", "received", "in", "接收"],
+    ["1", "t", "tx", "transmit", "transmitted", "send", "sent", "out", "发送", "gesendet", "送信"],
+    ["0", "r", "rx", "receive", "received", "in", "接收", "empfangen", "受信"],
 )
 _MARKS = (
     (Flag.REMOTE, re.compile(r"remote|rtr|远程")), (Flag.ERROR, re.compile(r"err|错误")), (Flag.FD, re.compile("fd|edl")),
@@ -185,6 +186,8 @@ class _Reading:
         wide = True if match[3] in ("x", "X") else wide
         if layout.by_width and len(match[2]) == 8:
             wide = True
+        if layout.flagged and number & EXTENDED_BIT:
+            number, wide = number ^ EXTENDED_BIT, True
         id_, width = (number & 0x1FFFFFFF, 0) if flags & Flag.ERROR else checked_id(number, extended=wide)
         flags |= int(width)
         bus = self._bus(cells_in("bus")[0]) if layout.columns.get("bus") else 0
@@ -241,7 +244,7 @@ class _Reading:
                 return -1, None
             else:
                 word_flags, wide = _of_words(word.lower(), wide)
-                flags |= word_flags
+                flags |= word_flags | (int(Flag.TX) if word.lower() == "tx" else 0)
         return flags, wide
 
     def _ns(self, text: str) -> int:
@@ -276,7 +279,7 @@ class _Reading:
             least = min(announced, default=-1)
             if least >= 0:
                 least = DLC_BYTES[least] if least > 8 and any(words[least:]) and least < 16 else least
-                if any(word.strip("0-") for word in words[least:]):
+                if any(word.strip("0x-") for word in words[least:]):
                     raise Bad(f"it announces {least} data bytes and has more")
                 words, announced = words[:least], [least]
             while words and not words[-1] and not announced:

@@ -20,7 +20,8 @@ from canid.values.frame_columns import WantedIds
 from canid.values.types import Columns, Flag
 
 _LINE = re.compile(
-    r"Timestamp:\s*(\d{1,12}\.\d{1,9})\s+ID:\s*([0-9a-f]{1,8})\s+((?:(?:[XSERF]|FD|BS|EI|Rx|Tx|0{3})\s+)*)DLC?:\s*(\d{1,2})"
+    # behind what a logging library writes before it
+    r"(?:(?:(?!ID:).){1,120}[\s:])?Timestamp:\s*(\d{1,12}\.\d{1,9})\s+ID:\s*([0-9a-f]{1,8})\s+((?:(?:[XSERF]|FD|BS|EI|Rx|Tx|0{3})\s+)*)DLC?:\s*(\d{1,2})"
     r"((?:\s+[0-9a-f]{2}(?!\S))*)(?:\s+'.{0,64}')?(?:\s+Channel:\s*(\S.{0,254}))?",
     re.IGNORECASE,
 )

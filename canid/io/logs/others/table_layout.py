@@ -6,6 +6,7 @@ states, else those that the rows prove; a list that may be read in two ways is r
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import csv
 import datetime
@@ -25,7 +26,9 @@ from canid.values.timestamps import EPOCH_FLOOR_S
 
 COUNTER = re.compile(r"0x[0-9a-f]{1,16}", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?\d{1,20}([.,]\d{1,20})?(e[+-]?\d{1,3})?", re.IGNORECASE)
-ID = re.compile(r"(0x)?([0-9a-f]{1,9})([hx]?)", re.IGNORECASE)
+ID = re.compile(r"(0x)?([0-9a-f]{1,10})([hx]?)", re.IGNORECASE)
+# of an id of 29 bits in Linux's struct can_frame
+EXTENDED_BIT = 0x8000_0000
 NO, YES = (
     ["0", "false", "f", "no", "n", "s", "std", "standard", "11", "11bit", "标准帧", "标准"],
     ["1", "true", "t", "yes", "y", "x", "e", "ext", "extended", "xtd", "29", "29bit", "扩展帧", "扩展"],
@@ -41,6 +44,9 @@ _SAME, _CLOCK_NS = 0.02, 500_000_000
 _MAX_BACK = 0.25
 # frames that have one time, on average, from which on it is said that times are whole seconds
 _MAX_IN_A_SECOND = 4
+# different cells of a column that may say of which bus, direction or kind a frame is
+_MAX_STATES = 16
+_LITERAL = re.compile(r"""(?:bytearray\()?(b(['"]).{0,512}\2)\)?""")
 _LOGGER_HEAD = re.compile(r"#\s*(Logger type|Time format)\s*:", re.IGNORECASE)
 
 
@@ -77,6 +83,7 @@ class Layout(NamedTuple):
     data_base: int
     unit_ns: int  # of times; 0: a clock
     by_width: bool  # an id of eight digits has 29 bits, one of three has 11
+    flagged: bool  # an id of 29 bits has `EXTENDED_BIT` as well
     logger: LoggerClock | None  # the clock of a CSS CL1000, CL2000, CL3000
     remarks: tuple[str, ...]
 
@@ -103,14 +110,18 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
     at, delimiter, names = _header(lines)
     bare = bare_lists.form_of(lines) if at < 0 else None
     if bare is not None:
-        delimiter, names = bare.delimiter, bare.names
+        delimiter, names = bare.delimiter, [*bare.names]
     elif at < 0:
-        raise refused("no line names the columns; write one above the frames, as Time (s),ID (hex),Data")
+        raise refused(
+            "no line names the columns; write one above the frames, as Time (s),ID (hex),DLC,Data (hex)"
+        )
     roles: dict[str, tuple[int, ...]] = {}
     octets = {n: k for k, name in enumerate(names) if (n := byte_of(name)) is not None}
     for k, name in enumerate(names):
         if k not in octets.values() and (role := role_of(name)):
             roles[role] = (*roles.get(role, ()), k)
+    if "time" not in roles and "rest" in roles:
+        roles["time"] = roles.pop("rest")
     of_rows = [cells_of_row(decoded(line), delimiter) for line in lines[at + 1 :]]
     used = [k for k in roles["id"] if any(len(row) > k and ID.fullmatch(row[k]) for row in of_rows)]
     (id_at, *more) = roles["id"] = tuple(used or roles["id"])
@@ -146,10 +157,9 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
     )
     words += [word for row in rows for word in row[len(names) :]] if tail else []
     if bare is not None:
-        announced = [row for row in rows if len(row) > bare.length and row[bare.length].isdecimal()]
-        words = [
-            w for row in announced for w in bare_lists.octets(row[bare.length + 1 :], int(row[bare.length]))
-        ]
+        at_length = len(names) - 2
+        announced = [row for row in rows if len(row) > at_length and row[at_length].isdecimal()]
+        words = [w for row in announced for w in bare_lists.octets(row[at_length + 1 :], int(row[at_length]))]
     words = [word for word in words if word]
     named = names[data_at if data_at >= 0 else each[0]]
     data_base = base_of(named) or _known(16 if logger else program.data_base, words) or _data_base(words)
@@ -180,6 +190,15 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             f"times are read as {_UNITS[unit]}; write Time (s), (ms) or (us) in its header where it is not so"
         )
     by_width = not extended and base == 16 and {len(word) for word in ids if word.isalnum()} == {3, 8}
+    numbers = list[int]()
+    with contextlib.suppress(ValueError):
+        numbers = [int(m[2], 16 if m[1] else base) for word in ids if (m := ID.fullmatch(word))]
+    wide = [n for n in numbers if n > MAX_STANDARD_ID]
+    flagged = bool(wide) and all(n & EXTENDED_BIT for n in wide)
+    known = {k for places in roles.values() for k in places} | {*octets.values()}
+    unread = [k for k in range(len(names)) if k not in known and 1 < len({*cell.column(k)}) <= _MAX_STATES]
+    if unread and bare is None and not program.header:
+        says.append(f"its columns {', '.join(repr(names[k]) for k in unread)} are not read")
     whole = unit == 10**9 and all(map(str.isdecimal, cell.column(time_at)))
     rest, rest_ns = -1, 0
     for k in roles.get("rest", ()) if whole else ():
@@ -192,14 +211,16 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
     return Layout(
         header, "" if bare else names[0], delimiter, roles | {"data": (data_at,)}, time_at,
         _of_day(cell, roles.get("date", ()), time_at), rest, rest_ns, each if data_at < 0 else (), tail,
-        bare is not None, base, data_base, unit, by_width, logger, tuple(says),
+        bare is not None, base, data_base, unit, by_width, flagged, logger, tuple(says),
     )  # fmt: skip
 
 
 def _known(base: int, words: list[str]) -> int:
     """The base that a program writes, see `Program`; 0: none is known."""
     bare = [word for word in words if word and not word.lower().startswith("0x")]
-    padded = any(not word.isdecimal() or (word[0] == "0" and len(word) > 1) for word in bare)
+    padded = (base < 0 and words and not bare) or any(
+        not word.isdecimal() or (word[0] == "0" and len(word) > 1) for word in bare
+    )
     return base if base in (0, 16) else 16 if padded else 10
 
 
@@ -260,12 +281,19 @@ def proven_base(words: list[str], *, ids: bool) -> int:
 
 
 def octets_of(cell: str) -> list[str]:
-    """The bytes of a cell as they are written; pairs of digits where nothing separates them.
+    r"""The bytes of a cell as they are written; pairs of digits where nothing separates them.
 
     >>> octets_of("x| 05 C3"), octets_of("0x05c3"), octets_of("[1 20 255]"), octets_of("0x05-0xC3"), octets_of("")
     (['05', 'C3'], ['05', 'c3'], ['1', '20', '255'], ['05', 'C3'], [])
+    >>> octets_of(r"bytearray(b'\x05A')")  # as Python prints bytes
+    ['05', '41']
     """
-    words = re.split(r"[\s,;_:-]+", re.sub(r"^x\|", "", cell.strip()).strip(" []()'\""))
+    text = cell.strip()
+    # its last quotation mark may be taken for the cell's
+    if literal := _LITERAL.fullmatch(text.rstrip('"') + '"' if text.startswith('b"') else text):
+        with contextlib.suppress(ValueError, SyntaxError):
+            return [f"{octet:02x}" for octet in ast.literal_eval(literal[1])]
+    words = re.split(r"[\s,;_:|-]+", re.sub(r"^x\|", "", cell.strip()).strip(" []()'\""))
     words = [bare for word in words if (bare := word.removeprefix("0x").removeprefix("0X"))]
     if len(words) == 1 and len(words[0]) > 3 and len(words[0]) % 2 == 0:
         return [words[0][k : k + 2] for k in range(0, len(words[0]), 2)]
@@ -281,6 +309,8 @@ def _octets(cells: list[str]) -> list[str] | None:
 
 def _data_base(words: list[str]) -> int:
     """The base of bytes, where they prove it: hexadecimal ones have letters or are padded, decimal ones are above 99."""
+    if words and all(word[:2] in ("0x", "0X") for word in words):
+        return 16
     is_hex = any(not word.isdecimal() for word in words) or (
         any(w[0] == "0" for w in words) and {*map(len, words)} == {2}
     )
