@@ -181,7 +181,7 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
         late = next((finding for finding in stand if finding.withholds or finding.withholds_delays), None)
         if late is None:
             return estimate
-        # of the little that has come since a limit is known delays hold in 79 %, gains of range rate in 90 of 90 cases
+        # of what has come since a limit is known delays hold in 98 of 109 cases, K of range rate in 155 of 157
         channels = {
             name: not_quotable(channel, sentence(late))
             if late.withholds and name in feedback_bias.HELD
