@@ -20,6 +20,7 @@ from canid.signals.signal_checks.drive_time import behind_a_lead, fitted_trace
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.frame_columns import chunks
 from canid.values.types import (
+    QUOTED,
     Driver,
     Estimate,
     LearnGate,
@@ -136,7 +137,8 @@ def test_estimates_go_on_from_when_a_limit_is_known(seed: int) -> None:
     raised = max(finding.raised for finding in trace.findings)
     soon = [e for e in drive_parameters.windows(trace) if 0.0 < e.t - raised < signal_checks.HOLD_S]
     assert {e.estimator for e in soon if e.used > 0.0} == {"fopdt", "armax"}
-    assert not any("is limited" in e.says for e in soon)
+    quoted = {(n, p) for e in soon for n, c in e.channels.items() for p in QUOTED[c.status]}
+    assert quoted <= {("range_rate", "K")}
     assert all(e.used <= e.t - raised + DT for e in soon if e.used == e.used)
 
 

@@ -2,7 +2,7 @@
 
 A finding stands from the block in which its check first says so until `HOLD_S` after it last did. While one stands that
 touches an input or the output, no estimate is `ok`: what comes is as wrong as what was learned. A limit alone is left out
-from when it is known: the estimators begin anew, and what they say next rests on none of it.
+from when it is known: the estimators begin anew, and until the finding ends quote no more than the gain of the range rate.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from canid.mathematics.identification.identifiability import gain_only
+from canid.mathematics.identification import feedback_bias
+from canid.mathematics.identification.identifiability import gain_only, not_quotable
 from canid.signals.samples.reading_facts import ReadingFact
 from canid.signals.signal_checks import (
     blocks,
@@ -169,18 +170,24 @@ def withheld(estimate: Estimate, stand: Iterable[SignalFinding]) -> Estimate:
 
     Returns:
         The estimate without numbers, `stale` where a value is frozen, else `inconsistent`, with the finding's sentence;
-        without delays, where the finding leaves the gains; or as it is, where nothing stands, or nobody drives behind a
-        lead.
+        without delays, where the finding leaves the gains, or is a limit, which leaves that of the range rate; or as it is,
+        where nothing stands, or nobody drives behind a lead.
     """
     stand = tuple(stand)
     why = next((each for each in stand if each.withholds and not limited_values.sides(each)[0]), None)
     if estimate.status not in _FROM_DATA:
         return estimate
     if why is None:
-        late = next((finding for finding in stand if finding.withholds_delays), None)
+        late = next((finding for finding in stand if finding.withholds or finding.withholds_delays), None)
         if late is None:
             return estimate
-        channels = {name: gain_only(channel, sentence(late)) for name, channel in estimate.channels.items()}
+        # of what has come since a limit is known delays hold in 98 of 109 cases, K of range rate in 155 of 157
+        channels = {
+            name: not_quotable(channel, sentence(late))
+            if late.withholds and name in feedback_bias.HELD
+            else gain_only(channel, sentence(late))
+            for name, channel in estimate.channels.items()
+        }
         return estimate._replace(channels=channels, says=f"{estimate.says}; {sentence(late)}")
     status = Status.STALE if why.name.endswith(("_frozen", "_dead")) else Status.INCONSISTENT
     return estimate._replace(
