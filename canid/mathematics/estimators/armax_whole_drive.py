@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from canid.mathematics.estimators import dead_time_trend, output_stamps, plausibility, pooling
 from canid.mathematics.estimators.estimator import WholeDrive
@@ -284,13 +283,26 @@ def car_is_late(A: Array, B: Array, covariance: Array, at_once: float, gain: flo
         >>> [car_is_late(A, side * B, 1e-4 * np.eye(6), 0.0, gain, 0.1) for side, gain in ((1, 0), (-1, 0), (-1, -3))]
         [False, False, True]
     """
-    step = lfilter(B, A, np.ones(max(round(CAR_MOVES_S / dt), 1)))[-1]
+    step = _step_response(A, B, max(round(CAR_MOVES_S / dt), 1))[-1]
     side = float(np.sign(-gain if abs(gain) > NORMAL_QUANTILE else step))
     count = min(max(round(CAR_ANSWERS_S / dt), 1), len(B))
     weights = np.arange(count, 0.0, -1.0)
     variance = max(float(weights @ covariance[:count, :count] @ weights), 0.0)
     soon = side * float(weights @ B[:count]) > ANSWER_SIGMAS * math.sqrt(variance)
     return not soon or is_at_once(at_once, side)
+
+
+def _step_response(A: Array, B: Array, n: int) -> Array:
+    """Of B/A, n samples; without scipy.signal, which a live run would import in the middle of a drive.
+
+    >>> _step_response(np.array([1.0, -0.5]), np.array([1.0, 1.0]), 3)
+    array([1.  , 2.5 , 3.25])
+    """
+    out = np.zeros(n)
+    for k, moved in enumerate(np.cumsum(np.r_[B, np.zeros(max(n - len(B), 0))])[:n]):
+        past = out[max(k - len(A) + 1, 0) : k][::-1]
+        out[k] = (moved - A[1 : 1 + len(past)] @ past) / A[0]
+    return out
 
 
 def _is_slow(A: Array, B: Array, covariance: Array, dt: float) -> bool:
@@ -303,7 +315,7 @@ def _is_slow(A: Array, B: Array, covariance: Array, dt: float) -> bool:
     half, p = max(round(0.5 * CAR_MOVES_S / dt), 1), np.r_[A[1:], B]
 
     def share(p: Array) -> float:
-        way = lfilter(np.r_[0.0, p[len(A) - 1 :]], np.r_[1.0, p[: len(A) - 1]], np.ones(2 * half + 1))
+        way = _step_response(np.r_[1.0, p[: len(A) - 1]], np.r_[0.0, p[len(A) - 1 :]], 2 * half + 1)
         return float(way[half] / way[-1])
 
     size = 1e-4 * max(float(np.abs(B).max()), 1e-12)

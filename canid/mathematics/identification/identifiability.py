@@ -223,9 +223,9 @@ def given_quoted(channels: Mapping[str, Channel]) -> dict[str, Channel]:
     Of gains that are one or two standard deviations from zero, those alone are quoted that noise has made too large. The end
     next to zero is that of a normal distribution without what is below `GAIN_RATIO`.
 
-    >>> known = {f"{x}": Channel(Interval(x, x - 1.96, x + 1.96), status=Identifiable.GAIN_ONLY) for x in (3, 4.5, 7)}
+    >>> known = {f"{x}": Channel(Interval(x, x - 2.0, x + 2.0), status=Identifiable.GAIN_ONLY) for x in (3, 4.5, 7)}
     >>> [round(channel.K.low, 2) for channel in given_quoted(known).values()]
-    [0.0, 1.66, 5.04]
+    [0.0, 1.47, 5.0]
     """
     return {name: _given_quoted(c) if quotable(c, "K") else c for name, c in channels.items()}
 
