@@ -264,6 +264,12 @@ BENCHMARKS = (
         "signal checks: planted faults caught and named, false alarms",
     ),
     Benchmark(
+        "radar_age",
+        "benchmarks.signal_faults.radar_age",
+        "1 min",
+        "age of a radar's reports from the own motion: intervals that hold, findings and false ones",
+    ),
+    Benchmark(
         "measurement_ends",
         "benchmarks.measurement_effects.ends",
         "15 min",

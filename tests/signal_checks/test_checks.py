@@ -118,6 +118,13 @@ def test_the_interval_of_the_reports_age_holds(seed: int) -> None:
     assert held.count(False) <= 3
 
 
+@pytest.mark.parametrize("seed", [1470058, 1470275])
+def test_a_driver_who_answers_at_once_is_no_latency(seed: int) -> None:
+    """The own motion answers the lead's, which looks like a delay of the radar: on these drives it was called 0.25 s."""
+    columns = following(seed, 8.0)
+    assert not [each.says for each in findings(columns) if each.name == "radar_latency"]
+
+
 def final_own_motion(columns: Columns) -> own_motion.State:
     """Run the checks, and return what the one of the own motion knows."""
     state = signal_checks.init()
