@@ -154,9 +154,9 @@ def _log_likelihoods(spectra: Array, segments: float, delays: Array, factors: Ar
 
 def _judged(state: State) -> State:
     """Estimate δ with c = 1, then 1/c at the δ that is likeliest with it."""
-    of = state.spectra, state.segments
+    spectra = state.spectra, state.segments
     n = len(DELAYS)
-    log_l = _log_likelihoods(*of, np.append(DELAYS, 0.0), np.append(np.ones(n), 0.0))
+    log_l = _log_likelihoods(*spectra, np.append(DELAYS, 0.0), np.append(np.ones(n), 0.0))
     by_delay, without = log_l[:n], float(log_l[n])
     k = int(np.argmax(by_delay))
     age = (NAN, NAN)
@@ -173,7 +173,7 @@ def _judged(state: State) -> State:
     if not (headway < SHORT_HEADWAY_S or headway > LONG_HEADWAY_S):  # nothing would confirm a wrong unit
         return state._replace(age=age, late=late, factor=factor)
     delays, factors = np.repeat(_WITH_FACTOR, len(FACTORS)), np.tile(FACTORS, len(_WITH_FACTOR))
-    profile = _log_likelihoods(*of, delays, factors).reshape(-1, len(FACTORS)).max(axis=0)
+    profile = _log_likelihoods(*spectra, delays, factors).reshape(-1, len(FACTORS)).max(axis=0)
     if float(profile.max()) - without > EVIDENCE:
         inside = FACTORS[profile > profile.max() - SURE]
         factor = (float(FACTORS[int(np.argmax(profile))]), float(inside.min()), float(inside.max()))
