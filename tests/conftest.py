@@ -16,6 +16,7 @@ from tests import seeds
 from tests.fixtures import measured_logs
 from tests.fixtures.browser import browser
 from tests.fixtures.measured_logs import measured
+from tests.fixtures.rewritten import rewrite_share
 
 __all__ = ["browser", "measured"]
 settings.register_profile("fixed", derandomize=True, database=None)
@@ -28,8 +29,9 @@ def _nothing(number: int, frame: FrameType | None) -> None:
     """A handler instead of SIG_IGN: this process ignores the signal, programs that it starts get the default."""
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Signals: `make test &` in a script and nohup ignore them, and a program inherits what is ignored."""
+    rewrite_share(config)
     for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
         number = getattr(signal, name, None)  # Windows has the first one alone
         if number is not None and signal.getsignal(number) is signal.SIG_IGN:
