@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from canid.analysis.fleet.storage.columns import LOGS, SUMMARIES, TABLES
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -47,6 +49,16 @@ def test_the_tables_of_a_fleet_are_current(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", script + write, DOCS], check=True, cwd=tmp_path)
     again = "columns have changed: run python docs/fleet_tables.py"
     assert (tmp_path / "page").read_text("utf-8") == (DOCS / "fleet_folder.md").read_text("utf-8"), again
+
+
+def test_every_number_of_a_fleets_tables_has_a_unit_or_is_a_share() -> None:
+    """[unit]: what the row's column `unit` says; of a window, that of its drive."""
+    for name, columns in {"logs": LOGS, **TABLES, **SUMMARIES}.items():
+        for column in columns:
+            share = column.meaning.startswith(("share of", "relative reduction"))
+            assert column.type != "DOUBLE" or column.unit or share, (name, column)
+            of = TABLES["drives"] if name == "windows" else columns
+            assert "[unit]" not in column.unit or any(each.name == "unit" for each in of), (name, column)
 
 
 def test_groff_takes_the_man_page_without_a_warning() -> None:

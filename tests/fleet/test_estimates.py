@@ -172,7 +172,7 @@ def test_what_is_left_out_has_a_reason(planted: Planted) -> None:
     of = chosen(planted.folder)
     why = {one.log: one.why for one in of.excluded}
     assert "changed during the drive" in why[steps["log"]]
-    assert "frozen_gap" in why[faulty["log"]]
+    assert "frozen gap" in why[faulty["log"]]
     assert "a minute" in why[short["log"]]
     assert "excites too little" in why[still["log"]]
     assert "no driver" in why[nobody["log"]]

@@ -23,9 +23,22 @@ from tests.fleet import short_logs
 
 
 class Handler(SimpleHTTPRequestHandler):
-    """A server that leaves the next so many requests without an answer."""
+    """A server that leaves the next so many requests without an answer, and counts those for a log's size and time."""
 
     dropped = 0
+    delay_s = 0.0  # of an answer to HEAD
+    heads, open_heads, most_heads = 0, 0, 0
+    lock = threading.Lock()
+
+    def do_HEAD(self) -> None:
+        with Handler.lock:
+            Handler.heads += 1
+            Handler.open_heads += 1
+            Handler.most_heads = max(Handler.most_heads, Handler.open_heads)
+        threading.Event().wait(Handler.delay_s)
+        with Handler.lock:
+            Handler.open_heads -= 1
+        super().do_HEAD()
 
     def handle_one_request(self) -> None:
         if Handler.dropped > 0:
@@ -74,6 +87,22 @@ def test_a_folder_is_listed_and_each_log_fetched(server: str, tmp_path: Path) ->
     assert [one.log for one in remote.listed(f"{server}*.log")] == [
         one.log for one in found if "anna" not in one.log
     ]
+
+
+def test_sizes_and_times_are_asked_for_once_each_and_side_by_side(
+    server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An index page has names alone: a server that answers late costs each log its latency over so many at once."""
+    for k in range(40):
+        (tmp_path / "served" / f"d{k:02d}.log").write_bytes(b"0" * (k + 1))
+    monkeypatch.setattr(Handler, "delay_s", 0.05)
+    for name in ("heads", "most_heads"):
+        monkeypatch.setattr(Handler, name, 0)
+    found = remote.listed(server)
+    sizes = {one.log.rpartition("/")[2]: one.size for one in found}
+    assert [sizes[f"d{k:02d}.log"] for k in range(40)] == list(range(1, 41))
+    assert (len(found), Handler.heads) == (43, 43)
+    assert 4 <= Handler.most_heads <= remote.MAX_REQUESTS
 
 
 def test_a_log_that_grew_since_it_was_listed_is_changed(server: str, tmp_path: Path) -> None:

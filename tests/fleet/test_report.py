@@ -195,6 +195,26 @@ def test_hostile_names_are_inert(summary: FleetSummary) -> None:
     assert html.count("</style>") == 1
 
 
+@pytest.mark.parametrize("drivers", [3, 4, 26])
+def test_drivers_of_whom_nothing_is_known_are_a_table(drivers: int) -> None:
+    """Where the sentence cannot name them all: each as it is called, inert, with its reason and some drives."""
+    name = "<img src=x onerror=alert(2)> of_two_words"
+    left = [
+        Excluded(f"{k}_a.blf", f"{name} {k:02d}", "signals are wrong: frozen gap") for k in range(drivers)
+    ]
+    html = page(
+        _summary(2)._replace(excluded=(), drivers_excluded=data_quality.drivers_excluded(left, ())),
+        Provenance(),
+    )
+    seen = _read(html)
+    text = " ".join(" ".join(seen.text).split())
+    assert ("Drivers of whom nothing is known" in text) is (drivers > 3)
+    assert sum(f"{name} {k:02d}" in text for k in range(drivers)) == (min(drivers, 25) if drivers > 3 else 0)
+    assert ("signals are wrong: frozen gap 0_a.blf" in text) is (drivers > 3)
+    assert ("1 more in the tables" in text) is (drivers > 25)
+    assert not seen.tags & {"script", "img"}
+
+
 def test_500_drivers_and_many_tests_stay_one_short_page() -> None:
     """Less than 350 kB: the ends of each parameter, the distribution of all, and counts of what is left out."""
     html = page(_summary(500), Provenance())

@@ -174,6 +174,42 @@ def test_what_is_not_identifiable_is_said(seed: int) -> None:
     assert np.array_equal(partly.mean.value[:1], pool(of_K).mean.value)
 
 
+@mostly(0.95)
+def test_a_misplaced_drive_finds_its_driver_by_the_parameters_that_are_predicted(seed: int) -> None:
+    """Also where it knows one that a single drive of each driver knows."""
+    rng = np.random.default_rng(seed)
+    who = np.repeat(np.arange(6), 5)
+    y = np.stack([3.0 + who, np.where(np.arange(30) % 5 == 0, 1.0, np.nan)], axis=1)
+    y += 0.1 * rng.standard_normal(y.shape)
+    y[10, 0] = 8.0  # of driver 2, driven by driver 5
+    table = drive_table(("K", "tau"), y, np.full((30, 2), 0.1**2), tuple(f"driver {k}" for k in who))
+    fit = drives_fit(table, pool(table))
+    assert np.flatnonzero(fit.misfit).tolist() == [10]
+    assert table.drivers[int(fit.closest[10])] == "driver 5"
+
+
+@mostly(0.95)
+def test_a_parameter_that_one_drive_of_each_driver_knows_has_neither_spread(seed: int) -> None:
+    """Whatever the other parameters' drives show: its two spreads are one, and what would be stated is their prior."""
+    rng = np.random.default_rng(seed)
+    who = np.repeat(np.arange(8), 4)
+    truth = rng.normal(1.0, 0.3, 8)[who, None] + rng.normal(0.0, 0.1, (32, 2))
+    y = truth + rng.normal(0.0, 0.05, (32, 2))
+    y[np.arange(32) % 4 != 0, 1] = np.nan
+    table = drive_table(("K", "tau"), y, np.full((32, 2), 0.05**2), tuple(f"driver {k}" for k in who))
+    of = pool(table)
+    assert of.between.low[0] < 0.3 < of.between.high[0]
+    assert np.isfinite([of.within.value[0], of.mean.value[1], of.new_driver.value[1]]).all()
+    assert np.isfinite(of.driver.value).all()
+    for spread in (of.between, of.within):
+        assert np.isnan([spread.value[1], spread.low[1], spread.high[1], spread.covariance[0, 1]]).all()
+    assert "one drive per driver" in of.status[1]
+    assert not of.status[0]
+    assert np.isfinite(drives_fit(table, of).p_value).all()
+    assert np.isfinite(pairs(table, of).p_value).all()
+    assert {forecast.parameter for forecast in forecasts(table, of)} == {"K"}
+
+
 def test_false_discovery_rate_is_the_textbooks(seed: int) -> None:
     """Adjusted p-values call the same discoveries as the step-up procedure of Benjamini & Hochberg 1995."""
     p = np.random.default_rng(seed).uniform(size=200) ** 3

@@ -124,11 +124,12 @@ def pool(table: DriveTable, *, seed: int = 0) -> Population:
     counts = np.array(
         [(knows.sum(), len(set(table.driver[knows].tolist()))) for knows in has.T], dtype=np.float64
     )
-    # one driver has no spread between drivers, and one drive no spread at all
-    alone, single = counts[column, 1] < 2.0, (counts[column, 0] < 2.0) | one_each
+    # one driver has no spread between drivers; of one drive of each driver the two spreads are one, whatever the drives say
+    # of other parameters: what would be stated of each is its prior
+    alone, once = counts[column, 1] < 2.0, counts[column, 0] == counts[column, 1]
     new_driver = estimates.withheld(estimates.of_mixture(mean, between + within), alone)
     another_driver = estimates.withheld(estimates.of_mixture(mean, between), alone)
-    another_drive = _another_drive(by_driver, within, single)
+    another_drive = _another_drive(by_driver, within, once)
     place = np.full(drivers, -1, dtype=np.intp)
     place[present] = np.arange(len(present))
     drive_outlier = _filled(sampled.drive_outlier.mean(axis=0), order, n, NAN)
@@ -140,8 +141,8 @@ def pool(table: DriveTable, *, seed: int = 0) -> Population:
         drives=table.drives,
         counts=counts,
         mean=_wide(estimates.of_draws(mean), column, p),
-        between=spread.of_draws(between, alone | one_each, column, p),
-        within=spread.of_draws(within, single, column, p),
+        between=spread.of_draws(between, alone | once, column, p),
+        within=spread.of_draws(within, once, column, p),
         driver=estimates.placed(estimates.of_draws(by_driver), place, another_driver, column, p),
         shrinkage=spread.wide(_filled(pull, present, drivers, 1.0), column, p, 1),
         drive_weight=_filled(sampled.drive_weight.mean(axis=0), order, n, NAN),

@@ -128,10 +128,12 @@ def _closest(weighted: weighted_drives.WeightedDrives, population: Population, d
         (population.driver.value[weighted.present][:, weighted.column] - weighted.centre) / weighted.unit
     ).T
     covariance = weighted_drives.scaled(weighted, population.new_drive.covariance[weighted.present])
-    drive_covariance = np.moveaxis(covariance, 0, -1)
+    drive_covariance = np.nan_to_num(np.moveaxis(covariance, 0, -1))
+    # what no driver has two drives of is not predicted
+    predicted = np.einsum("kki->ki", drive_covariance) > 0.0
     out = np.zeros(len(drives), dtype=np.intp)
     for k, drive in enumerate(drives):
-        has = np.broadcast_to(weighted.known[:, drive, None], centre.shape)
+        has = weighted.known[:, drive, None] & predicted
         ahead = weighted_drives.masked_inverse(weighted.s[:, :, drive, None] + drive_covariance, has)
         residual = np.where(has, weighted.y[:, drive, None] - centre, 0.0)
         block = np.moveaxis(ahead + np.eye(len(ahead))[..., None] * ~has, -1, 0)

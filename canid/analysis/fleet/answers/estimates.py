@@ -16,6 +16,7 @@ from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.population import drive_table as tables
 from canid.mathematics.population.drive_table import DriveTable
 from canid.values.fleet_summary import Excluded, Kind
+from canid.values.text.names import readable
 from canid.values.types import Array, Identifiable
 
 # parameters that are pooled together. The lag and the dead time apart are known from few drives only; their sum stands for
@@ -292,7 +293,7 @@ def _excluded(
 def _unknown(faults: str, usable: float) -> str:
     """Why a drive knows nothing, in few classes, so that the reasons can be counted."""
     if faults:
-        return f"signals are wrong: {faults}"
+        return f"signals are wrong: {readable(faults)}"
     if not usable >= MIN_USABLE_S:
         return "no parameter is known: less than a minute of usable driving"
     return "no parameter is known: the driving excites too little"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,10 @@ from canid.values.errors import ConfigError, one_line
 if TYPE_CHECKING:
     from canid.analysis.fleet.planning.listing import Listed
 
+# that a web server is asked at once, below the 100 connections of aiohttp; each would wait for the answer before it
+MAX_REQUESTS = 16
+# that are waiting for their turn: what an interrupted run still asks for, and what is held of a million logs
+MAX_PENDING = 256
 _HTTP = "Last-Modified"  # as of RFC 9110, sec. 5.6.7
 # names under which file systems state when a file was changed
 _MODIFIED = ("mtime", "LastModified", "last_modified", "modified", "updated", "created", _HTTP)
@@ -49,18 +54,13 @@ def listed(url: str) -> list[Listed]:
     root = globs.parted(path)[0] if globs.is_pattern(path) else path.rstrip("/")
     if root in files:
         root = root.rpartition("/")[0]
-    # a web server's listing has names alone
-    for name, info in files.items():
-        if (
-            info.get("size") is None
-            and info.get("type", "file") == "file"
-            and listing.is_log(name.rpartition("/")[2])
-        ):
-            files[name] = info | _stated(system, name)
-    out = [
-        _of_file(url, root.rstrip("/"), name, info)
+    logs = {
+        name: info
         for name, info in sorted(files.items())
         if info.get("type", "file") == "file" and (name == path or listing.is_log(name.rpartition("/")[2]))
+    }
+    out = [
+        _of_file(url, root.rstrip("/"), name, info) for name, info in (logs | _stated(system, logs)).items()
     ]
     if not out:
         raise ConfigError(f"{brief(url)}: holds no log")
@@ -130,12 +130,28 @@ def _found(system: Any, path: str) -> dict[str, Any]:
     return {path: system.info(path)}
 
 
-def _stated(system: Any, path: str) -> dict[str, Any]:
-    """What the storage states of one file; nothing, where it does not answer: that comes to light when it is fetched."""
-    try:
-        return dict(system.info(path))
-    except Exception:  # each storage has exceptions of its own
-        return {}
+def _stated(system: Any, logs: Mapping[str, Any]) -> dict[str, Any]:
+    """What a storage states of each log of which its listing has no size, by one request each.
+
+    A web server's listing has names alone, or sizes and times that are rounded to units and minutes: by them a log that has
+    changed would pass for the one that was analysed.
+    """
+
+    def stated(name: str) -> dict[str, Any]:
+        try:
+            return {**logs[name], **system.info(name)}
+        except (
+            Exception
+        ):  # each storage has exceptions of its own; that it does not answer comes to light at the fetch
+            return dict(logs[name])
+
+    names = [name for name, info in logs.items() if info.get("size") is None]
+    out: dict[str, Any] = {}
+    with ThreadPoolExecutor(MAX_REQUESTS) as pool:
+        for first in range(0, len(names), MAX_PENDING):
+            some = names[first : first + MAX_PENDING]
+            out |= zip(some, pool.map(stated, some), strict=True)
+    return out
 
 
 def _of_file(url: str, root: str, path: str, info: Mapping[str, Any]) -> Listed:

@@ -164,7 +164,7 @@ POWER = (
     Column("key", "VARCHAR"),
     Column("effect", "VARCHAR"),
     Column("parameter", "VARCHAR"),
-    Column("strength", "DOUBLE", "", "that would have been named 9 times of 10"),
+    Column("strength", "DOUBLE", "[unit]", "that would have been named 9 times of 10"),
     Column("unit", "VARCHAR"),
 )
 

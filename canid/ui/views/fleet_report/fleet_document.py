@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from markupsafe import Markup
 
 from canid.analysis.fleet.answers.labels import hours, label, short, spread, unit
+from canid.analysis.fleet.answers.sentences import MAX_NAMES
 from canid.ui.views.document import document as doc
 from canid.ui.views.document.document_page import page as html
 from canid.ui.views.document.document_text import WIDTH, wrapped
@@ -329,13 +330,24 @@ def _data(summary: FleetSummary) -> list[doc.Block]:
         ("Drives that are no part of the population, and why", summary.excluded, "why", "drives"),
     )
     blocks = [block for about in said if about[1] for block in _counted(*about)]
+    # as many as the sentence names are there already
+    if len(summary.drivers_excluded) > MAX_NAMES:
+        title, why = "Drivers of whom nothing is known", "why, most often"
+        blocks += _counted(title, summary.drivers_excluded, "driver", "drives", why, of_names=True)
     return blocks or ["Nothing: every log was read, no signal has a fault, and every drive counts."]
 
 
-def _counted(title: str, items: Sequence[Counted], head: str, what: str) -> list[doc.Block]:
+def _counted(
+    title: str,
+    items: Sequence[Counted],
+    head: str,
+    what: str,
+    says: str = "what it is",
+    of_names: bool = False,
+) -> list[doc.Block]:
     rows = [
         (
-            readable(counted.what),
+            short(counted.what, MAX_LOG_NAME) if of_names else readable(counted.what),
             f"{counted.number:,}",
             textwrap.shorten(counted.says, MAX_SAYS, placeholder="..."),
             ", ".join(short(name, MAX_LOG_NAME) for name in counted.examples),
@@ -343,7 +355,7 @@ def _counted(title: str, items: Sequence[Counted], head: str, what: str) -> list
         for counted in items[:MAX_ROWS]
     ]
     return [
-        doc.Table((head, f">{what}", "what it is", "examples"), rows, title, kind="cards counted"),
+        doc.Table((head, f">{what}", says, "examples"), rows, title, kind="cards counted"),
         _more(len(items), "{} more in the tables."),
     ]
 
