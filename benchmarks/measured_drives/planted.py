@@ -59,12 +59,12 @@ def planted(trace: Trace, effect: str, seed: int) -> Trace | None:
         q = np.r_[driver.q, PLANTED[effect]]
         driver = driver._replace(model=driver.model.with_effects((one,)), fitted=driver.fitted._replace(q=q))
     for attempt in range(TRIES):
-        made = replicates.simulated(drive, driver, noise, 1, [seed, attempt])
-        if made:
-            gates = zip(made[0].trace.gate, made[0].usable.tolist(), strict=True)
+        made = next(replicates.simulated(drive, driver, noise, 1, [seed, attempt]), None)
+        if made is not None:
+            gates = zip(made.trace.gate, made.usable.tolist(), strict=True)
             # where a stretch begins, the drive jumps
             gate = tuple(gate if fine else LearnGate.TARGET_CHANGE for gate, fine in gates)
-            return made[0].trace._replace(gate=gate)
+            return made.trace._replace(gate=gate)
     return None
 
 

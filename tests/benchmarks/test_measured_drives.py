@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from benchmarks.measured_drives import remnant
+from benchmarks.measured_drives import planted, remnant
 from canid.values.types import Trace
 from tests.plants import plant_two
 from tests.plants.measurement import trace
@@ -32,3 +33,15 @@ def test_every_drive_has_a_line() -> None:
     lines = remnant.table({"a": drive(1), "b": drive(2)})
     assert len(lines) == 4
     assert all(line.count("[") == 2 for line in lines[2:])
+
+
+@pytest.mark.slow("fits a planted drive and drives it again")
+def test_a_fitted_driver_drives_again_with_an_effect() -> None:
+    """The noise is that of the drive, so that two drivers with the same draw differ by the effect alone."""
+    recorded = drive(1521003)
+    plain, closing = (planted.planted(recorded, effect, 1) for effect in (planted.NOTHING, "asymmetric_gain"))
+    assert plain is not None
+    assert closing is not None
+    assert plain.t.size == closing.t.size
+    differs = np.nanmax(np.abs(plain.signals["gap"] - closing.signals["gap"]))
+    assert 0.1 < differs < 50.0

@@ -184,6 +184,36 @@ def textbook(
     return np.array(out)
 
 
+@pytest.mark.slow("fits a planted drive")
+@pytest.mark.parametrize(("simulator", "seed"), [("one", 1521001), ("two", 1521002)])
+def test_the_simulated_lead_accelerates_when_the_lead_did(simulator: str, seed: int) -> None:
+    """A driver who responds to the lead's acceleration responds to that of the simulated lead, not to a late estimate."""
+    planted = PLANTS[simulator]({}, seed=seed, minutes=6, noise="white", profile="mixed")
+    seen = trace(planted)
+    signals = {role: x for role, x in seen.signals.items() if role not in ("pedal", "brake")}
+    data = prepare(
+        seen._replace(output=seen.signals["accel"], signals=signals), np.ones(seen.t.size, dtype=bool)
+    )
+    fitted = baseline(data)
+    assert fitted is not None
+    where = closed_loop.stretches(data.output.usable, data.output.dt)
+    road = closed_loop.Road(data, data.seen.speed + data.seen.range_rate, data.output.y)
+    driven = closed_loop.driven(road, closed_loop.Ride((fitted,), (None,), (), None), where)
+    columns = planted.columns
+    lead = np.gradient(columns["speed"] + columns["range_rate"], planted.dt)
+    true = np.interp(seen.t, columns["t"], lead)
+    for m, stretch in enumerate(where):
+        there = true[stretch.start : stretch.stop]
+        here = driven.late.lead_accel[driven.past : driven.past + there.size, m]
+        late = [float(np.corrcoef(here[k:], there[: there.size - k])[0, 1]) for k in range(5)]
+        assert int(np.argmax(late)) <= 1, late
+    every = np.concatenate([true[stretch.start : stretch.stop] for stretch in where])
+    simulated = np.concatenate(
+        [driven.late.lead_accel[driven.past : driven.past + s.stop - s.start, m] for m, s in enumerate(where)]
+    )
+    assert np.std(simulated - every) < 0.4 * np.std(every)
+
+
 def test_stretches_lie_in_the_folds_that_did_not_fit_their_driver() -> None:
     usable = np.ones(2000, dtype=bool)
     usable[350:420] = False

@@ -11,6 +11,7 @@ from canid.models.diagnosis.driver.driver_fit import baseline
 from canid.models.diagnosis.driver.driver_model import DriverModel
 from canid.models.diagnosis.driver.driver_search import Search
 from canid.models.diagnosis.driver.held_out import Fold
+from canid.models.diagnosis.fitting.fitted_model import solve
 from canid.models.diagnosis.fitting.search import Named
 from canid.models.diagnosis.null import confirmed_search, predictive_score
 from canid.models.effects import CATALOGUE
@@ -58,6 +59,20 @@ def test_a_true_cause_carries_over(plant: object) -> None:
     of = fitted(plant, {"share": 0.5, "time": 200.0})
     assert of.named[0].evidence > 30.0
     assert held_out.carried(of, GAIN_CHANGE) > 0.5 * of.named[0].evidence
+
+
+@pytest.mark.slow("fits a planted drive")
+def test_a_model_knows_nothing_of_the_samples_that_it_is_held_against(seed: int) -> None:
+    """With a cause and without it, noise included: the other folds' likelihood is at its maximum, from any start."""
+    of = ended_with(ASYMMETRY, follower(seed, 0.0, asymmetry=0.35, slow_noise=SLOW_NOISE))
+    for solved in (of.baseline, of.solved):
+        for fit, k in zip(
+            held_out.models(of.data, solved, driver_search.again), range(held_out.FOLDS), strict=True
+        ):
+            train = solved.rows & (held_out.dealt(of.data) != k)
+            assert np.array_equal(fit.rows, train)
+            better = solve(of.data, fit.model, fit.q, fit.noise, train)
+            assert fit.deviance - better.deviance < 0.2
 
 
 @pytest.mark.slow("fits planted drives")

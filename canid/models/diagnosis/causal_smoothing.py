@@ -57,6 +57,9 @@ class Lagged(NamedTuple):
     gap_sd: Array  # (lags,) m
     range_rate_sd: Array  # (lags,) m/s
     motions: tuple[Motion, Motion]  # the relative one, and that of the lead
+    lead_moved: (
+        Array  # (n,) m/s², the lead's acceleration, each instant as known when the last lag has passed
+    )
 
 
 class Followed(NamedTuple):
@@ -199,7 +202,30 @@ def lagged(
     gaps, rates, accels = (
         np.asfortranarray(smoothed.x[:, :, k].T) for smoothed, k in ((pair, 0), (pair, 1), (lead, 2))
     )
-    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1], (pair.motion, lead.motion))
+    motions = (pair.motion, lead.motion)
+    return Lagged(gaps, rates, accels, pair.sd[:, 0], pair.sd[:, 1], motions, in_retrospect(accels, new))
+
+
+def in_retrospect(lags: Array, new: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Array:
+    """Return each instant as it is known at the last lag, or at the target's last report.
+
+    Args:
+        lags: (n, lags) column k holds x(t − k·dt), as known at t.
+        new: (n,) another target from here on.
+
+    Returns:
+        (n,) in the unit of x.
+
+    Example:
+        >>> in_retrospect(np.arange(8.0).reshape(4, 2), np.array([True, False, True, False]))
+        array([3., 2., 7., 6.])
+    """
+    n, count = lags.shape
+    target, out = np.cumsum(new), lags[:, 0].copy()
+    for k in range(1, min(count, n)):
+        same = target[k:] == target[:-k]
+        out[:-k][same] = lags[k:, k][same]
+    return out
 
 
 def followed(

@@ -261,7 +261,9 @@ def driven(road: Road, ride: Ride, where: tuple[Stretch, ...], noise: Noise | No
     rows = np.clip(rows, 0, n - 1)
     lead = road.lead_speed[rows]
     seen = data.seen
-    late = Late(seen.gap[rows], seen.range_rate[rows], seen.speed[rows], seen.lead_accel[rows], seen.t[rows])
+    # what the lead did: as the driver could know it, it would be late
+    accel = data.known.lead_moved
+    late = Late(seen.gap[rows], seen.range_rate[rows], seen.speed[rows], accel[rows], seen.t[rows])
     init, step = driver(_drivers(road, ride, where, rows), dt)
     person = init()
     # before a stretch the log may hold nothing, as between two drives

@@ -170,11 +170,11 @@ def searched(data: C, solved: FittedModel[M], train: Flags, again: Again[C, M]) 
         train: (n,) samples that may be known.
         again: searches an effect.
     """
-    effects = solved.model.effects
-    if not effects:
-        return refitted(data, solved, train)
-    model, q = without_parameters(solved, *(effect.id for effect in effects))
-    # with a noise model of its own: that of the model with the effects leaves no room for them
+    effects, model, q = solved.model.effects, solved.model, solved.q
+    if effects:
+        model, q = without_parameters(solved, *(effect.id for effect in effects))
+    # with a noise model of its own: that of the model with the effects leaves no room for them, and that of the whole drive
+    # knows the samples that are held out
     fit = solve(data, model, q, solved.noise, solved.rows & train)
     for effect in effects:
         fit = again(effect, data, fit)
