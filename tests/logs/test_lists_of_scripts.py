@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import random
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -160,3 +161,86 @@ def test_printed_frames_behind_what_a_logging_library_writes(prefix: str, tmp_pa
         )
     )
     _same(open_log(path), frames)
+
+
+START = datetime(2026, 3, 14, 14, 22, 33, tzinfo=UTC)
+
+
+def _stamp(form: str) -> Callable[[Sent], str]:
+    return lambda x: (START + timedelta(microseconds=x.us)).strftime(form)
+
+
+@pytest.mark.parametrize(
+    ("head", "form"),
+    [
+        ("Date/Time", "%m/%d/%Y %H:%M:%S.%f"),
+        ("Timestamp", "%m/%d/%Y %I:%M:%S.%f %p"),
+        ("Time", "%d/%m/%Y %H:%M:%S.%f"),
+        ("Date,Time", "%m/%d/%Y,%I:%M:%S.%f %p"),
+    ],
+)
+def test_dates_whose_month_may_be_first(head: str, form: str, tmp_path: Path) -> None:
+    frames = [x for x in drawn(random.Random(4)) if x.data]
+
+    def row(x: Sent, _: int) -> list[str]:
+        return [_stamp(form)(x), "0x" + _id(x), str(len(x.data)), _hex(x, " ")]
+
+    log = _read(tmp_path / "x.csv", f"{head},ID,DLC,Data", row, frames)
+    _same(log, frames)
+    assert (log.start_ns or 0) // 10**9 == int(START.timestamp()) + frames[0].us // 10**6
+
+
+def test_dates_of_which_none_shows_the_month_are_refused(tmp_path: Path) -> None:
+    frames = [x for x in drawn(random.Random(4)) if x.data]
+
+    def row(x: Sent, _: int) -> list[str]:
+        return [f"03/04/2026 10:00:{x.us / 1e6:09.6f}", "0x" + _id(x), str(len(x.data)), _hex(x, " ")]
+
+    with pytest.raises(ConfigError, match="day or month may be first"):
+        _read(tmp_path / "x.csv", "Time,ID,DLC,Data", row, frames)
+
+
+def test_bytes_of_a_fixed_array(tmp_path: Path) -> None:
+    """ROS messages have eight bytes, whatever the length is; one that has bytes behind its length is damaged."""
+    frames = [x for x in drawn(random.Random(4)) if x.data]
+
+    def row(x: Sent, _: int) -> list[str]:
+        octets = ",".join(map(str, x.data.ljust(8, b"\0")))
+        return [_time(x), "0x" + _id(x), str(len(x.data)), f'"[{octets}]"']
+
+    log = _read(tmp_path / "x.csv", "time [s],id,dlc,data", row, frames)
+    _same(log, frames)
+    text = (tmp_path / "x.csv").read_text().splitlines()
+    k = next(k for k, x in enumerate(frames) if len(x.data) < 8) + 1
+    text[k] = text[k].removesuffix('0]"') + '9]"'
+    (tmp_path / "x.csv").write_text("\n".join(text) + "\n")
+    log = open_log(tmp_path / "x.csv")
+    assert (len(list(log)), log.damaged) == (len(frames) - 1, 1)
+
+
+PYTHON_CAN = "timestamp,arbitration_id,extended,remote,error,dlc,data"
+
+
+@pytest.mark.parametrize("more", ["", "channel,is_rx"])
+@pytest.mark.parametrize("hexadecimal", [False, True])
+def test_python_can_with_more_columns_or_hexadecimal_bytes(
+    more: str, hexadecimal: bool, tmp_path: Path
+) -> None:
+    frames = [x for x in drawn(random.Random(4)) if x.data]
+
+    def row(x: Sent, _: int) -> list[str]:
+        packed = x.data.hex() if hexadecimal else base64.b64encode(x.data).decode()
+        return [
+            _time(x),
+            hex(x.id),
+            str(int(x.extended)),
+            "0",
+            "0",
+            str(len(x.data)),
+            packed,
+            *["can0", "True"][: 2 * bool(more)],
+        ]
+
+    log = _read(tmp_path / "x.csv", PYTHON_CAN + ("," + more if more else ""), row, frames)
+    _same(log, frames)
+    assert [*log.remarks] == ([f"its columns {more} are not read"] if more else [])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from canid.io.logs import open_log
@@ -57,3 +58,23 @@ def test_a_measurement_of_signals_says_what_it_is(measured: Path) -> None:
     """A decoded .mf4 is no damaged log: the message names its signals and what reads them."""
     with pytest.raises(ConfigError, match=r"decoded signals .VehicleSpeed, Gap., without CAN frames"):
         open_log(measured / "reports" / "16-mf4" / "signals.mf4")
+
+
+def test_groups_without_channel_numbers_are_buses_by_their_sources(tmp_path: Path) -> None:
+    """A group for each bus, distinguished by what acquired it (ASAM MDF 4.1, SIBLOCK)."""
+    file = asammdf.MDF(version="4.10")
+    for name, id_ in (("CAN10", 0x10), ("CAN2", 0x2)):
+        source = asammdf.Source(name=name, path=name, comment="", source_type=2, bus_type=2)
+        columns = {
+            "ID": np.full(3, id_, "<u4"),
+            "DLC": np.full(3, 2, "u1"),
+            "DataBytes": np.full((3, 8), id_, "u1"),
+        }
+        types = [(f"CAN_DataFrame.{key}", x.dtype, x.shape[1:]) for key, x in columns.items()]
+        samples = np.rec.fromarrays(list(columns.values()), dtype=types)
+        signal = asammdf.Signal(samples, np.arange(3.0), name="CAN_DataFrame", source=source)
+        file.append([signal], acq_name=name, acq_source=source)
+    file.save(tmp_path / "x.mf4")
+    log = open_log(tmp_path / "x.mf4")
+    assert {(frame.bus, frame.id) for frame in log} == {(0, 0x2), (1, 0x10)}
+    assert [*log.remarks] == ["it has no channel numbers: CAN2 is bus 0, CAN10 is bus 1"]

@@ -110,6 +110,22 @@ DIALECTS = {
     "Swedish": _text("Tid [s],Hastighet [km/h],Gaspedal [%],Avstånd [m],Relativ hastighet [m/s]"),
     "Russian": _text("Время (с),Скорость (км/ч),Педаль газа (%),Дистанция (м),Относительная скорость (м/с)"),
     "Korean": _text("시간(s),차속(km/h),가속페달(%),차간거리(m),상대속도(m/s)"),
+    "Finnish": _text("aika,ajoneuvon nopeus [km/h],kaasupoljin [%],etäisyys edellä ajavaan [m],suhteellinen nopeus [m/s]"),
+    "Hungarian": _text("idő [s],sebesség [km/h],gázpedál [%],követési távolság [m],relatív sebesség [m/s]"),
+    "Turkish": _text("zaman (s),araç hızı (km/sa),gaz pedalı (%),öndeki araca mesafe (m),bağıl hız (m/s)"),
+    "Romanian": _text("timp [s],viteza [km/h],pedala acceleratie [%],distanta [m],viteza relativa [m/s]"),
+    "Greek": _text("χρόνος [s],ταχύτητα [km/h],πεντάλ γκαζιού [%],απόσταση [m],σχετική ταχύτητα [m/s]"),
+    "Norwegian": _text("tid [s],hastighet [km/t],gasspedal [%],avstand [m],relativ hastighet [m/s]"),
+    "Japanese words": _text("時刻[s],自車速度[km/h],アクセルペダル開度[%],先行車距離[m],相対速度[m/s]"),
+    "Korean words": _text("시간[s],차량 속도[km/h],가속페달[%],앞차 거리[m],상대 속도[m/s]"),
+    "Chinese words": _text("时间(s),本车速度(km/h),加速踏板开度(%),与前车距离(m),相对速度(m/s)"),
+    "units behind commas": _text(
+        "Время, с;Скорость, км/ч;Педаль газа, %;Дистанция, м;Относительная скорость, м/с", mark=";"
+    ).replace(".", ","),
+    "Hungarian date": _text(USUAL, _written("%Y. %m. %d. %H:%M:%S.%f")),
+    "Japanese clock": _text(USUAL, _written("%Y年%m月%d日 %H時%M分%S.%f秒")),
+    "minutes, seconds, ms": _text(USUAL, lambda k: f"{k // 600:02d}:{k // 10 % 60:02d}:{100 * (k % 10):03d}"),
+    "serial dates": _text(USUAL.replace("time", "Date"), lambda k: f"{46090.5 + k / 864000:.9f}"),
     "local time": _text(USUAL.replace("time", "local_time"), _written("%Y-%m-%d %H:%M:%S.%f")),
 }  # fmt: skip
 
@@ -122,8 +138,19 @@ def test_a_dialect_is_the_drive(text: str, tmp_path: Path) -> None:
     _check(path)
 
 
-@pytest.mark.parametrize(("of", "encoding"), [("Japanese", "shift_jis"), ("Chinese", "gb18030")])
-def test_east_asian_encodings_are_recognised(of: str, encoding: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("of", "encoding"),
+    [
+        ("Japanese", "shift_jis"),
+        ("Chinese", "gb18030"),
+        ("Korean", "euc_kr"),
+        ("Russian", "cp1251"),
+        ("Greek", "cp1253"),
+        ("Polish", "cp1250"),
+        ("Turkish", "cp1254"),
+    ],
+)
+def test_encodings_of_one_region_are_recognised(of: str, encoding: str, tmp_path: Path) -> None:
     path = tmp_path / "drive.csv"
     path.write_text(DIALECTS[of], encoding=encoding)
     _check(path)

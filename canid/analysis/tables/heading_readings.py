@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from canid.analysis.tables.heading_words import distance_in_words
 from canid.analysis.tables.headings import EXTRA, HEADWAY, Heading, role_of
 from canid.analysis.tables.remedies import Remedies
 from canid.analysis.tables.source import Source, clean, number
@@ -31,19 +32,16 @@ _WHOLE_SHARE = 0.95
 # m/s²; no car brakes or accelerates harder
 _MAX_ACCEL = 15.0
 # %; a pedal's sensor may be off by some percent
-_MAX_PEDAL = 110.0
+MAX_PEDAL = 110.0
 # s; a driver who follows has his median headway in here (Vogel 2002; the Highway Capacity Manual's following ends at 5 s)
 _HEADWAYS_S = (0.25, 8.0)
 # m/s; below it a headway says nothing
 _MIN_SPEED = 5.0
 
 
-# names, as `Heading.name`, of what may be a gap or the way that was driven; and of differences of two speeds, of either
-# sign. The share of its changes in which a gap falls and rises at least; rows of one change of it; and the share of
+# names, as `Heading.name`, of differences of two speeds, of either sign. The share of its changes in which what may be a
+# gap or the way that was driven falls and rises at least, if it is a gap; rows of one change of it; and the share of
 # those in which the sum of the difference has one sign with it
-_DISTANCES = (
-    "dist", "distance", "distanz", "distancia", "distanza", "d", "odległosc", "vzdalenost", "дистанция", "расстояние",
-)  # fmt: skip
 _DIFFERENCES = (
     "dv", "d_v", "delta_v", "deltav", "delta_speed", "delta_velocity", "speed_difference", "speed_diff",
     "velocity_difference", "diff_speed", "diff_v", "geschwindigkeitsdifferenz",
@@ -105,7 +103,7 @@ def _by_changes(
 ) -> tuple[list[str], tuple[int, ...]]:
     """Take columns that may be the gap or the range rate for what their changes show: notes, and those that close."""
     notes, places = list[str](), {role: place for place, role in roles.items()}
-    near = [k for k, head in enumerate(parsed) if k not in roles and head.name in _DISTANCES]
+    near = [k for k, head in enumerate(parsed) if k not in roles and distance_in_words(head.name)]
     if len(near) == 1 and "speed" in places and not {"gap", HEADWAY, "spacing"} & places.keys():
         x, v = (
             _column(source, k) * (factor_to(parsed[k].unit or unit, unit) or np.nan)
@@ -200,7 +198,7 @@ def _switch(name: str, place: int, source: Source) -> tuple[str, str]:
     why = f"its values, {low:.3g} to {high:.3g}, are those of no switch"
     if name == ACC and low < 0.0:
         return ("accel" if max(-low, high) <= _MAX_ACCEL else ""), why
-    return ("pedal" if name == ACC and high <= _MAX_PEDAL else ""), why
+    return ("pedal" if name == ACC and high <= MAX_PEDAL else ""), why
 
 
 def _pressure(place: int, source: Source) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""What the words of a heading say, in eleven European languages: "speed of the lead vehicle".
+"""What the words of a heading say, in languages of Europe and East Asia: "speed of the lead vehicle".
 
 A heading is understood only where each of its words is known: "speed limit", "lead distance filtered" and "throttle
 position" stand for nothing. The names of `headings.ALIASES` come first.
@@ -12,32 +12,40 @@ from functools import lru_cache
 # what a word stands for; "": it adds nothing
 _WORDS: dict[str, str] = {
     "": "the of an my is value signal measured actual current vehicle car veh obd can canbus sensor radar lidar "
-    "fahrzeug des der die das zum zu von vom vor dem ist wert istwert gemessen gemessene aktuelle "
-    "du de la le les au aux un une en mesure mesuree vehicule voiture actuelle "
-    "del el al los coche vehiculo medida di della dello delle il lo veicolo auto misurata to do da veiculo het tot "
-    "voertuig data field msg fzg vehicules veiculos vehiculos vozidla pojazdu pojazdow fordon автомобиля da ao dal",
-    "between": "inter between entre zwischen tra mezi miedzy mellan между",
-    "own": "own ego host self subject sv fv fav follower foll eigen eigenes eigene propre propio propia proprio propria",
+        "fahrzeug des der die das zum zu von vom vor dem ist wert istwert gemessen gemessene aktuelle du de la le les "
+        "au aux un une en mesure mesuree vehicule voiture actuelle del el al los coche vehiculo medida di della dello "
+        "delle il lo veicolo auto misurata to do da veiculo het tot voertuig data field msg fzg vehicules veiculos "
+        "vehiculos vozidla pojazdu pojazdow fordon автомобиля ao dal ajoneuvon auton jarmu autoe arac araca aracın "
+        "autovehicul autovehiculului till til kjøretøy bilens bil 車両 车辆 차량 απο οχημα οχηματος 与 的",
+    "between": "inter between entre zwischen tra mezi miedzy mellan между 间 間",
+    "own": "own ego host self subject sv fv fav follower foll eigen eigenes eigene propre propio propia proprio "
+        "propria oma sajat kendi propriu egen 自車 自车 本车 本車",
     "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "
-    "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente voorligger "
-    "poprzedzajacego framforvarande переднего лидера",
-    "relative": "relative rel relativ relativa relativo relatieve differenz wzgledna relativni относительная",
+        "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente "
+        "voorligger poprzedzajacego framforvarande переднего лидера edella ajavaan edeltavaan elol halado haladohoz "
+        "ondeki ondekine forankjørende forankørende 先行車 前車 前车 目标车 선행 앞차 선행차",
+    "relative": "relative rel relativ relativa relativo relatieve differenz wzgledna relativni относительная "
+        "suhteellinen bagıl goreli relatif sxetikh σχετικη 相対 相对 상대",
     "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
-    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid "
-    "geschw predkosc hastighet hastighed rychlost скорость",
+    "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid geschw "
+        "predkosc hastighet hastighed rychlost скорость nopeus sebesseg hız hızı viteza ταχυτητα 速度 車速 车速 속도",
     "rate": "rate",
-    "distance": "distance dist d space distanz distancia distanza odległosc vzdalenost дистанция расстояние",
-    "gap": "gap range clearance abstand lucke interdistance afstand avstand odstep",
-    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao przyspieszenie zrychleni "
-    "acceleratie ускорение",
+    "distance": "distance dist d space distanz distancia distanza odległosc vzdalenost дистанция расстояние etaisyys "
+        "tavolsag mesafe mesafesi distanta αποσταση 距離 距离 거리",
+    "gap": "gap range clearance abstand lucke interdistance afstand avstand odstep valimatka koveto kovetesi takip 車間 "
+        "车间 차간",
+    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao przyspieszenie "
+        "zrychleni acceleratie ускорение kiihtyvyys gyorsulas ivme akselerasjon επιταχυνση 加速度 가속도",
     "along": "longitudinal longit langs longitudinale",
-    "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore gazu plynovy газа speeder",
-    "pedal": "pedal pedale pedaal pedał педаль педали",
-    "place": "position pos stellung winkel posicion posizione",
-    "brake": "brake braking bremse brems frein freno",
+    "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore gazu plynovy газа speeder "
+        "kaasu gaz gass 油门 加速 アクセル γκαζιου 가속 акселератора",
+    "pedal": "pedal pedale pedaal pedał педаль педали poljin pedalı pedala πενταλ pdl 踏板 ペダル 페달",
+    "place": "position pos stellung winkel posicion posizione asento allas konumu pozitia θεση 開度 开度 位置 개도",
+    "brake": "brake braking bremse brems frein freno jarru fek fren frana φρενο ブレーキ 制动 브레이크",
     "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
-    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd czas tid cas время",
-    "stamp": "stamp stempel",
+    "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd czas tid cas время aika ido zaman timp χρονος 時間 "
+        "時刻 时间 経過 시간",
+    "stamp": "stamp stempel belyeg",
     "headway": "headway",
     "satellite": "gps gnss",
     "wheel": "wheel rad",
@@ -47,7 +55,7 @@ _WORDS: dict[str, str] = {
     "turns": "rpm drehzahl",
     "yaw": "yaw gier",
     "gear": "gear gang",
-}
+}  # fmt: skip
 # what sets of meanings are; "along" is the direction that is meant anyway
 _ROLES: dict[str, tuple[str, ...]] = {
     "time": ("time", "time stamp"),
@@ -65,7 +73,7 @@ _ROLES: dict[str, tuple[str, ...]] = {
     "accel": ("acceleration", "own acceleration"),
     "pedal": (
         "accelerator", "accelerator pedal", "accelerator place", "accelerator pedal place", "own accelerator pedal", "pedal",
-        "pedal place",
+        "pedal place", "pedal acceleration",
     ),
     "brake": ("brake", "brake pedal", "brake switch", "brake pedal switch", "brake pedal place switch"),
     "gnss_speed": ("satellite speed",),
@@ -77,8 +85,10 @@ _ROLES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 _MEANING = {word: meaning for meaning, words in _WORDS.items() for word in words.split()}
 _BY_MEANING = {frozenset(words.split()): role for role, sets in _ROLES.items() for words in sets}
+# from here on letters are syllables or words, and blanks do not part words
+_EAST_ASIA = "\u2e80"
 # what a word joined of others may hold, longest first: shorter ones stand in too many other words
-_PARTS = sorted((word for word in _MEANING if len(word) >= 3), key=len, reverse=True)
+_PARTS = sorted((word for word in _MEANING if len(word) >= 3 or word > _EAST_ASIA), key=len, reverse=True)
 
 
 def role_in_words(name: str) -> str | None:
@@ -109,6 +119,16 @@ def closing_in_words(name: str) -> bool:
         (True, False)
     """
     return role_in_words(name) == "range_rate" and "closing" in (_meanings(name.split("_")) or ())
+
+
+def distance_in_words(name: str) -> bool:
+    """Whether the words name a distance, and not of what: a gap, or the way that was driven.
+
+    Example:
+        >>> distance_in_words("distance"), distance_in_words("vzdalenost"), distance_in_words("distance_to_center")
+        (True, True, False)
+    """
+    return _meanings(name.split("_")) == {"distance"}
 
 
 def says_accelerator(name: str) -> bool:
@@ -143,6 +163,6 @@ def _parts(word: str) -> tuple[str, ...] | None:
             rest = word[len(part) :]
             # a German joint: "Annäherung-s-geschwindigkeit"
             for more in (rest, rest.removeprefix("s")):
-                if len(more) >= 3 and (ending := _parts(more)) is not None:
+                if (len(more) >= 3 or more > _EAST_ASIA) and (ending := _parts(more)) is not None:
                     return (_MEANING[part], *ending)
     return None

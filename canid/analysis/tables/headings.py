@@ -155,6 +155,8 @@ def heading(text: str) -> Heading:
     if match is not None and match["name"]:
         unit = (match["square"] if match["square"] is not None else match["round"]).strip().strip("-") or None
         plain = match["name"]
+    elif (parts := plain.rpartition(","))[0] and unit_of(parts[2]) is not None:
+        plain, unit = parts[0], parts[2].strip()
     name = _name(plain)
     if unit is not None and (longer := _name(f"{plain} {unit}")) != name and longer in _NAMED:
         return Heading(text, longer, None)  # "Speed (GPS)"
@@ -195,7 +197,9 @@ def parsed_without_path(headings: Sequence[str]) -> list[Heading]:
 
 
 def _name(text: str) -> str:
-    bare = "".join(x for x in unicodedata.normalize("NFD", text) if not unicodedata.combining(x))
+    # without accents; the marks of kana are parts of letters
+    parted = unicodedata.normalize("NFD", text)
+    bare = "".join(x for x in parted if not unicodedata.combining(x) or x in "\u3099\u309a")
     bare = unicodedata.normalize("NFC", bare)  # Hangul
     return re.sub(r"[^\w%°]+|_+", "_", _CAMEL.sub("_", _ELISION.sub("", bare))).strip("_").lower()
 

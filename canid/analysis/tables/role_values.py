@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from canid.analysis.tables.column_map import ColumnEntry
+from canid.analysis.tables.heading_readings import MAX_PEDAL
 from canid.analysis.tables.headings import EXTRA, HEADWAY
 from canid.analysis.tables.resolution import Found
 from canid.analysis.tables.slopes import ACCEL_WIDTH_S, SPEED_WIDTH_S, slope
@@ -22,6 +23,8 @@ from canid.values.types import Array, Driver, OutputFilter
 FRACTION = 1.0
 # m/s; a car that is faster than this most of the time has its speed in km/h
 MAX_USUAL_SPEED = 70.0
+# of the values of a pedal, up to which they are judged: a few may stand for "none"
+_USUAL_SHARE = 0.99
 YES = ("true", "yes", "on", "t", "y", "active", "enabled", "pressed", "1")
 NO = ("false", "no", "off", "f", "n", "inactive", "disabled", "released", "0")
 
@@ -137,6 +140,11 @@ def _judged(role: str, known: Array, name: str, notes: list[str]) -> float:
     if role == "pedal" and 0.0 < finite.max() <= FRACTION and finite.min() >= 0.0:
         notes.append(f"{name}: pedal: no value is above 1: taken as a fraction of the full travel")
         return 100.0
+    if role == "pedal" and (high := float(np.quantile(finite, _USUAL_SHARE))) > MAX_PEDAL:
+        raise ConfigError(
+            f"{name}: pedal: 1 % of its values are above {high:.4g}, and no unit is stated: state %, or the scale of "
+            "what counts"
+        )
     if role == "pedal" and np.ptp(finite) > 0.0 and (finite == np.rint(finite)).all():
         notes.append(
             f"{name}: pedal: whole numbers up to {finite.max():.0f} without a unit: taken in %; where they are counts, "

@@ -31,7 +31,7 @@ UNITS = {
 }
 _NAMES = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
           "usec": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns", "minutes": "min", "hours": "h",
-          "days": "d", "с": "s", "мс": "ms", "micros": "us", "nanos": "ns"}  # fmt: skip
+          "days": "d", "с": "s", "сек": "s", "sn": "s", "秒": "s", "мс": "ms", "micros": "us", "nanos": "ns"}  # fmt: skip
 # numbers from which on a time counts from 1970, by its unit; 2001 in s is 1e9, and no drive lasts 30 years
 _EPOCH_FROM = 1e9
 # a time whose steps are longer than this is taken to count in ms: nothing is identified from a value every 5 s

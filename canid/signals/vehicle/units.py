@@ -28,7 +28,9 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("speed", _MPH, ("mph", "mi/h", "mile/h", "miles/h", "mile/hour", "miles/hour")),
     ("speed", _KNOT, ("kn", "knot", "knots", "kt", "kts")),
     ("speed", 0.3048, ("ft/s", "fps", "feet/second")),
+    ("speed", _KMH, ("km/t", "km/u", "km/std", "km/sa", "km/godz", "km/hod")),
     ("speed", 0.01, ("cm/s",)),
+    ("speed", 0.001, ("mm/s",)),
     ("length", 1.0, ("m", "meter", "meters", "metre", "metres", "м")),
     ("length", 1000.0, ("km",)),
     ("length", 0.01, ("cm",)),
@@ -59,7 +61,7 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("ratio", 0.1, ("‰", "permille", "promille")),
     ("rotation", 1.0, ("rpm", "1/min", "u/min", "r/min", "min-1", "rev/min", "/min")),
     ("rotation", 60.0, ("rps", "1/s", "rev/s")),
-    ("time", 1.0, ("s", "sec", "second", "seconds")),
+    ("time", 1.0, ("s", "sec", "second", "seconds", "с", "сек")),
     ("time", 0.001, ("ms", "msec")),
 )
 # signs of powers and products: m·s⁻¹, m/s**2, p.u.

@@ -30,7 +30,8 @@ _RACECAPTURE = re.compile(r'"?(?P<name>[^"|]+)"?\|"?(?P<unit>[^"|]*)"?(\|-?[\d.]
 # lines of text between the names and the first row: RaceChrono has units and sources, and names may be repeated
 MAX_TEXT_LINES = 3
 _OF_UNITS = re.compile(r"\W{0,4}(\w{1,20}[ _])?units?(?![a-z])", re.IGNORECASE)
-_EAST_ASIA = ("shift_jis", "gb18030")
+# besides UTF-8; of several that fit equally well the first
+_ENCODINGS = ("cp1252", "shift_jis", "gb18030", "euc_kr", "cp1251", "cp1250", "cp1253", "cp1254")
 
 
 class Layout(NamedTuple):
@@ -47,29 +48,29 @@ class Layout(NamedTuple):
 class _Header(NamedTuple):
     """A line of names and what belongs to it."""
 
-    score: tuple[int, int, int]  # of several candidates the largest is it
+    score: tuple[int, int, int, int]  # of several candidates the largest is it
     names: list[str]
     lines: list[int]  # of text below the names
     first: int  # the line of the first row
 
 
 def encoding_of(lines: Sequence[bytes]) -> str:
-    """The encoding of a file whose first lines these are; one of East Asia where it has a known heading in it."""
+    """The encoding of a file whose first lines these are: UTF-8, or the one in which most headings are known."""
     try:
         b"\n".join(lines).decode("utf-8")
     except UnicodeDecodeError:
-        return next((each for each in _EAST_ASIA if any(_names_in(line, each) for line in lines)), "cp1252")
+        in_it = [line for line in lines if not line.isascii()]
+        return max(_ENCODINGS, key=lambda each: sum(_names_in(line, each) for line in in_it))
     return "utf-8-sig" if lines[0].startswith(b"\xef\xbb\xbf") else "utf-8"
 
 
-def _names_in(line: bytes, encoding: str) -> bool:
-    """Whether a line has a heading with a role that is not in ASCII."""
+def _names_in(line: bytes, encoding: str) -> int:
+    """How many headings with a role a line has."""
     try:
         text = line.decode(encoding)
     except UnicodeDecodeError:
-        return False
-    cells = [cell for mark in ",;\t" for cell in text.split(mark)]
-    return any(not (head := heading(cell)).name.isascii() and role_of(head) is not None for cell in cells)
+        return 0
+    return max(sum(role_of(heading(cell)) is not None for cell in text.split(mark)) for mark in DELIMITERS)
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -154,7 +155,7 @@ def _plain(cell: str) -> str:
 
 
 def _header(rows: list[list[str]], k: int) -> _Header | None:
-    """Line k as a header, scored: it names a time, cells that are filled, the earlier line; None: it is none."""
+    """Line k as a header, scored: a time, names that are known, filled cells, the earlier line; None: it is none."""
     names = [_plain(cell) for cell in rows[k]]
     filled = [cell for cell in names if cell]
     if len(filled) < 2 or len({*filled}) < len(filled) / 2:
@@ -176,7 +177,8 @@ def _header(rows: list[list[str]], k: int) -> _Header | None:
         return None
     if _row_names(rows[first:], len(names)):
         names = ["", *names]
-    return _Header((int(time >= 0), len(filled), -k), names, texts, first)
+    known = sum(role_of(heading(cell)) is not None for cell in filled[:MAX_COLUMNS])
+    return _Header((int(time >= 0), known, len(filled), -k), names, texts, first)
 
 
 def _row_names(rows: list[list[str]], width: int) -> bool:

@@ -15,8 +15,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from canid.analysis.tables.headings import heading, role_of
+from canid.analysis.tables.source import NO_NUMBER, number
 from canid.io.logs.text_lines import MAX_FOOTER_LINES, Block, LineCount, filled, is_footer
 from canid.io.logs.text_lines import line as line_of
+from canid.signals.vehicle.units import unit_of
+from canid.values.errors import ConfigError
 
 _Bools = npt.NDArray[np.bool_]
 _HASH, _QUOTE, _NUL, _FEED, _RETURN = b'#"\0\n\r'
@@ -26,6 +30,8 @@ _BLANKS = np.array([chr(k).isspace() for k in range(256)])
 _MARKS = b"MARK "
 # bytes by which a line of the header is recognised before its cells are: a quote and some letters
 _BEGIN_BYTES = 4
+# cells of a line that are names of known columns, or units, from which on it is no row: a text among numbers may be one
+_MIN_NAMES = 2
 HEADERS, COMMENTS = "header lines", "comments"
 
 
@@ -67,6 +73,13 @@ class RowForm(NamedTuple):
             open_ = "unexpected end" in str(error)
             raise ValueError("a quote is open at its end" if open_ else "its quotes are damaged") from None
 
+    def cells_or_none(self, text: bytes) -> list[str]:
+        """The cells of a line; none where it is damaged."""
+        try:
+            return self.cells(text)
+        except ValueError:
+            return []
+
     def wrong(self, cells: Sequence[str]) -> str:
         """Why these are not the cells of a row; "": they are."""
         n = len(cells)
@@ -96,6 +109,12 @@ class RowForm(NamedTuple):
         for k in np.flatnonzero(doubtful).tolist():
             line = block.data[int(begin[k]) : int(block.ends[k])]
             outcome = self._doubtful(line, count)
+            if outcome is not None and (columns := _columns_of(self.cells_or_none(line))):
+                if columns not in [_columns_of(self.cells_or_none(header)) for header in self.headers]:
+                    where = f"line {block.number + k}"
+                    raise ConfigError(f"{where} names columns otherwise than the header: cut the file there")
+                count.others[HEADERS] += 1
+                outcome = None
             few = len(count.rows_in_words) < MAX_FOOTER_LINES
             if isinstance(outcome, list) and few and not self.words and is_footer(outcome[0]):
                 count.rows_in_words[block.number + k] = outcome[0]
@@ -190,6 +209,22 @@ class RowForm(NamedTuple):
                 return None
             return "it has the cells of a row and begins as a comment"
         return why or cells
+
+
+def _columns_of(cells: Sequence[str]) -> list[tuple[str, object]]:
+    """The columns, or their units, that a line among the rows names; none where it names no columns.
+
+    >>> _columns_of(["Time", "Speed [KM/H]"]) == _columns_of(["t", "v_ego [km/h]"]), _columns_of(["0.1", "m/s", "km/h"])
+    (True, [])
+    """
+    texts = [text for cell in cells if (text := cell.strip(" []()"))]
+    if any(text[0].isdigit() or number(text) > NO_NUMBER for text in texts):
+        return []
+    heads = [(heading(cell), unit_of(cell.strip(" []()"))) for cell in cells if cell.strip()]
+    known = sum(role_of(head) is not None or unit is not None for head, unit in heads)
+    if known < _MIN_NAMES or 2 * known < len(heads):
+        return []
+    return [(role_of(head) or head.name, unit or unit_of(head.unit or "")) for head, unit in heads]
 
 
 def _numeric(first: npt.NDArray[np.uint8]) -> _Bools:

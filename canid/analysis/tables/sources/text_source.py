@@ -114,6 +114,8 @@ class TextSource:
                     yield self._block(rows, numbers, texts)
         except OSError as error:
             raise LogError(f"cannot read {self._path}: {error.strerror or error}") from None
+        except ConfigError as error:
+            raise ConfigError(f"{self._path}: {error}") from None
 
     def _block(self, rows: Rows, numbers: Sequence[int], texts: Sequence[int]) -> Block:
         values = self._fast(rows, numbers) if numbers and not any(rows.cells) else None

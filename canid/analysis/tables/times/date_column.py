@@ -56,15 +56,15 @@ def with_dates(source: Source, by_role: Mapping[str, Found]) -> Mapping[str, Fou
         the same where no column holds dates, or the times need none.
     """
     sample = source.sample()
-    places = [place for place, text in enumerate(source.headings) if heading(text).name in NAMES]
-    places = [place for place in places if (cells := filled(sample[place])) and all(map(is_date, cells))]
+    named = [place for place, text in enumerate(source.headings) if heading(text).name in NAMES]
+    places = [place for place in named if (cells := filled(sample[place])) and all(map(is_date, cells))]
     times = by_role.get(TIME)
     if clock := _of_parts(source, times, places):
         rest = _rest(source, clock)
         return {**by_role, TIME: clock if rest is None else clock._replace(rest=rest)}
     if times is None:
         dated = ColumnEntry.model_validate(source.headings[places[0]]) if places else None
-        first = _of_first(source) if dated is None else Found(places[0], dated, None)
+        first = _of_first(source, named) if dated is None else Found(places[0], dated, None)
         return by_role if first is None else {**by_role, TIME: first}
     if rest := _rest(source, times):
         by_role = {**by_role, TIME: (times := times._replace(rest=rest))}
@@ -127,8 +127,15 @@ def _rest(source: Source, times: Found) -> tuple[int, int] | None:
     return None
 
 
-def _of_first(source: Source) -> Found | None:
-    """The first column, where it states a unit of time, or nothing and holds times, and only advances."""
+def _of_first(source: Source, named: Sequence[int]) -> Found | None:
+    """The first column, where it states a unit of time, or nothing and holds times, and only advances.
+
+    `named`: as dates, which are numbers in spreadsheets.
+    """
+    for place in named:
+        numbers = [number(cell) for cell in filled(source.sample()[place])]
+        if numbers and NO_NUMBER < numbers[0] < numbers[-1] and numbers == sorted(numbers):
+            return Found(place, ColumnEntry.model_validate(source.headings[place]), "d")
     head, cells = heading(source.headings[0]), filled(source.sample()[0])
     if role_of(head) is not None or len({*cells}) < 2:
         return None

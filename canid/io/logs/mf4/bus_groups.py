@@ -70,6 +70,7 @@ class Start(NamedTuple):
 
     ns: int  # since 1970; 0: not stated
     is_local: bool  # the clock of a zone that the file does not name; else UTC
+    buses: tuple[str, ...] = ()  # sources of the groups that have no channel number, bus by bus
 
     def epoch_ns(self, zone: datetime.tzinfo | None) -> int:
         """Epoch ns; a local time is read in `zone` (None: this machine's).
@@ -109,6 +110,8 @@ class Group:
     records: int  # that the file states
     fetch: Fetch
     first_channel: int = 1  # the channel that is bus 0
+    source: str = ""  # the name of what acquired it
+    bus: int = 0  # of frames without a channel number
     incomplete: int = 0  # records of which the file does not hold all
     impossible: int = 0  # records with numbers that no frame has
     failures: Counter[str] = field(default_factory=Counter)  # reasons why records cannot be read
@@ -135,6 +138,19 @@ def first_channel(groups: Sequence[Group]) -> int:
         if channels is not None and (channels == 0).any():
             return 0
     return 1
+
+
+def by_source(groups: Sequence[Group]) -> tuple[str, ...]:
+    """Number the buses of groups without a channel number by the names of their sources; these, bus by bus.
+
+    >>> by_source([Group("CAN_DataFrame", ["ID"], 1, print, source=name) for name in ("CAN10", "CAN2", "CAN10")])
+    ('CAN2', 'CAN10')
+    """
+    unnumbered = [group for group in groups if "BusChannel" not in group.members]
+    names = sorted({*(group.source for group in unnumbered)}, key=lambda name: (len(name), name))
+    for group in unnumbered:
+        group.bus = names.index(group.source)
+    return tuple(names) if len(names) > 1 else ()
 
 
 def parts(group: Group, first: int, size: int) -> Iterator[Part]:
@@ -208,7 +224,7 @@ def _frames(group: Group, members: Mapping[str, Any], octets: _Octets | None, n:
     channel = (
         integers(members["BusChannel"])
         if "BusChannel" in members
-        else np.full(n, group.first_channel, np.int64)
+        else np.full(n, group.first_channel + group.bus, np.int64)
     )
     bus = np.maximum(channel - group.first_channel, 0)
     sound = np.isfinite(t) & (np.abs(t) <= MAX_TIME_NS * 1e-9) & (channel >= 0) & (bus < 0xFFFF)

@@ -57,7 +57,7 @@ def _sent(path: str, parent: Connection) -> End:
         first = bus_groups.first_channel(groups)
         for group in groups:
             group.first_channel = first
-        parent.answer(start(mdf.file.header))
+        parent.answer(start(mdf.file.header)._replace(buses=bus_groups.by_source(groups)))
         streams = [bus_groups.parts(group, _FIRST_RECORDS, _RECORDS) for group in groups]
         for part in bus_groups.merged(streams):
             parent.answer(part)
@@ -103,7 +103,9 @@ def _groups(mdf: RawMdf) -> tuple[list[Any], Counter[str], list[str]]:
         kind = next((kind for kind in bus_groups.KINDS if f"{kind}.ID" in names or kind in names), None)
         if kind is not None:
             members, fetch = _members(mdf, index, names, kind)
-            groups.append(bus_groups.Group(kind, members, records, fetch))
+            source = group.channel_group.acq_source
+            name = str(source.name or source.path) if source is not None else ""
+            groups.append(bus_groups.Group(kind, members, records, fetch, source=name))
             continue
         of_bus = [
             what

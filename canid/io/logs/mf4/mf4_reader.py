@@ -34,6 +34,9 @@ def read_mf4(path: Path, state: ReadState, wanted: WantedIds | None = None) -> I
             while not isinstance(answer := child.receive(), End):
                 if isinstance(answer, Start):
                     start = answer.epoch_ns(state.zone)
+                    if answer.buses:
+                        named = ", ".join(f"{name} is bus {k}" for k, name in enumerate(answer.buses))
+                        state.remark(f"it has no channel numbers: {named}")
                     continue
                 ns, *columns = answer
                 if first is None:

@@ -115,7 +115,7 @@ class _Reading:
 
     def __init__(self, program: Program, layout: Layout, state: ReadState, begin: Sequence[str]) -> None:
         self._program, self._layout, self._state = program, layout, state
-        self._clock = layout.logger or Clock(state.zone)
+        self._clock = layout.logger or Clock(state.zone, layout.month_first)
         self._below = False  # the header has come
         self._first_bus = 0  # what the number of bus 0 is
         # the columns that say of what kind a frame is, and what the cells in them say
@@ -298,6 +298,8 @@ class _Reading:
             data = bytes(int(word, layout.data_base) for word in words)
         except ValueError:
             raise Bad("its data are not bytes") from None
+        if layout.padded and announced and not any(data[min(announced) :]):
+            data = data[: min(announced)]
         n = len(data)
         for length in announced:
             if (

@@ -12,9 +12,12 @@ from canid.values import timestamps
 
 _DAY_NS = 86_400 * timestamps.NS_PER_S
 _CLOCK = re.compile(
-    r"(?:(\d{4})[-/.](\d\d?)[-/.](\d\d?)[ T_]+|(\d\d?)\.(\d\d?)\.(\d{4})[ T_]+)?"
-    r"(\d\d?):(\d\d?):(\d\d?)(?:[.,:](\d{1,9}))?\s*(Z|[+-]\d\d:?\d\d)?"
+    r"(?:(\d{4})[-/.](\d\d?)[-/.](\d\d?)[ T_]+|(\d\d?)[./-](\d\d?)[./-](\d{4}),?[ T_]+)?"
+    r"(\d\d?):(\d\d?):(\d\d?)(?:[.,:](\d{1,9}))?\s*(?:(Z|[+-]\d\d:?\d\d)|([ap])\.?m\.?)?",
+    re.IGNORECASE,
 )
+# dates whose first two numbers may be the month and the day: with points the day is first
+_SLASHED = re.compile(r"(\d\d?)[/-](\d\d?)[/-]\d{4}\D.*")
 # lines above the header of a CSS CL1000, CL2000 or CL3000
 _CLX = re.compile(r"#\s*(Time|Time format)\s*:\s*(\d{8}T\d{6}|\d)\s*")
 # its time formats: how many digits a stamp has (year, month, day, hour, minute, second, ms), and the time in which it
@@ -28,10 +31,24 @@ _NO_CLOCK = 2000
 def is_clock(text: str) -> bool:
     """Whether a cell is a time as a clock shows it.
 
-    >>> is_clock("12:04:59.533"), is_clock("2025-03-03 10:00:00,25"), is_clock("3/4/2025 10:00:00"), is_clock("12.5")
-    (True, True, False, False)
+    >>> is_clock("12:04:59.533"), is_clock("2025-03-03 10:00:00,25"), is_clock("3/4/2025 10:00:00 PM"), is_clock("12.5")
+    (True, True, True, False)
     """
     return _CLOCK.fullmatch(text) is not None
+
+
+def month_is_first(texts: Sequence[str]) -> bool | None:
+    """Whether the month is before the day in dates such as 8/5/2026; None: they may be either.
+
+    A number above 12 shows it, else the clock of twelve hours, which is that of the USA.
+
+    >>> month_is_first(["3/14/2025 10:00:00"]), month_is_first(["14/3/2025 10:00:00"]), month_is_first(["3/4/2025 10:00:00"])
+    (True, False, None)
+    """
+    dates = [match for text in texts if (match := _SLASHED.fullmatch(text))]
+    if any(int(match[1]) > 12 for match in dates) or not dates:
+        return False
+    return True if any(int(match[2]) > 12 or match[0][-1] in "mM" for match in dates) else None
 
 
 class Clock:
@@ -42,9 +59,10 @@ class Clock:
     ([86399, 86401], False)
     """
 
-    def __init__(self, zone: datetime.tzinfo | None) -> None:
-        """`zone`: of local times."""
+    def __init__(self, zone: datetime.tzinfo | None, month_first: bool = False) -> None:
+        """`zone`: of local times; `month_first`: see `month_is_first`."""
         self._zone = zone
+        self._order = (5, 4) if month_first else (4, 5)  # of the day and the month
         self._latest: int | None = None
         self.dated = False
 
@@ -53,11 +71,15 @@ class Clock:
         match = _CLOCK.fullmatch(text)
         if match is None:
             raise Bad("its time is damaged")
+        day_at, month_at = self._order
         year, month, day = (
-            int(a or b or 0) for a, b in ((match[1], match[6]), (match[2], match[5]), (match[3], match[4]))
+            int(a or b or 0)
+            for a, b in ((match[1], match[6]), (match[2], match[month_at]), (match[3], match[day_at]))
         )
         hour, minute, second = map(int, match.group(7, 8, 9))
         fraction = int((match[10] or "").ljust(9, "0"))
+        if match[12]:
+            hour = hour % 12 + 12 * (match[12].lower() == "p") if 1 <= hour <= 12 else 24
         if hour > 23 or minute > 59 or second > 59:
             raise Bad("its time is damaged")
         if not year:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from canid.io.logs.formats import UNKNOWN_LIST
 from canid.io.logs.list_columns import base_of, byte_of, decoded, rest_of, role_of, unit_of
 from canid.io.logs.others import bare_lists
-from canid.io.logs.others.list_clock import LoggerClock, is_clock
+from canid.io.logs.others.list_clock import LoggerClock, is_clock, month_is_first
 from canid.values.errors import ConfigError
 from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.timestamps import EPOCH_FLOOR_S
@@ -84,6 +84,8 @@ class Layout(NamedTuple):
     unit_ns: int  # of times; 0: a clock
     by_width: bool  # an id of eight digits has 29 bits, one of three has 11
     flagged: bool  # an id of 29 bits has `EXTENDED_BIT` as well
+    month_first: bool  # in dates such as 8/5/2026
+    padded: bool  # zeros stand behind the bytes, up to eight
     logger: LoggerClock | None  # the clock of a CSS CL1000, CL2000, CL3000
     remarks: tuple[str, ...]
 
@@ -122,6 +124,8 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             roles[role] = (*roles.get(role, ()), k)
     if "time" not in roles and "rest" in roles:
         roles["time"] = roles.pop("rest")
+    if "time" not in roles and "date" in roles:
+        roles["time"] = roles.pop("date")
     of_rows = [cells_of_row(decoded(line), delimiter) for line in lines[at + 1 :]]
     used = [k for k in roles["id"] if any(len(row) > k and ID.fullmatch(row[k]) for row in of_rows)]
     (id_at, *more) = roles["id"] = tuple(used or roles["id"])
@@ -175,6 +179,17 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         unit = 0 if logger else 10**9
     if why or time_at < 0:
         raise refused(why or "no column of it is named as one of times; write Time (s)")
+    date_at = _of_day(cell, roles.get("date", ()), time_at)
+    stamps = cell.column(time_at)
+    if date_at >= 0:
+        stamps = [
+            f"{day} {time}" for day, time in zip(cell.column(date_at), cell.column(time_at), strict=True)
+        ]
+    month_first = month_is_first(stamps) if not unit else False
+    if month_first is None:
+        raise refused(
+            f"day or month may be first in its times, such as {stamps[0]!r}: write them as 2026-08-05"
+        )
     says = []
     if bare is not None:
         behind = f"; what stands behind the data, as {bare.behind!r}, is not read" if bare.behind else ""
@@ -189,6 +204,10 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         says.append(
             f"times are read as {_UNITS[unit]}; write Time (s), (ms) or (us) in its header where it is not so"
         )
+    widths = {len(octets_of(text)) for text in cell.column(data_at)} if data_at >= 0 else set[int]()
+    lengths = {text for k in roles.get("length", ()) for text in cell.column(k)}
+    # as arrays of a fixed size in messages of ROS
+    padded = bare is None and not tail and widths == {8} and len(lengths) > 1
     by_width = not extended and base == 16 and {len(word) for word in ids if word.isalnum()} == {3, 8}
     numbers = list[int]()
     with contextlib.suppress(ValueError):
@@ -210,8 +229,8 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
     header = "" if bare else decoded(lines[at]).strip().rpartition("\n")[2]
     return Layout(
         header, "" if bare else names[0], delimiter, roles | {"data": (data_at,)}, time_at,
-        _of_day(cell, roles.get("date", ()), time_at), rest, rest_ns, each if data_at < 0 else (), tail,
-        bare is not None, base, data_base, unit, by_width, flagged, logger, tuple(says),
+        date_at, rest, rest_ns, each if data_at < 0 else (), tail,
+        bare is not None, base, data_base, unit, by_width, flagged, bool(month_first), padded, logger, tuple(says),
     )  # fmt: skip
 
 
