@@ -2,9 +2,9 @@
 
 A window of a minute shows little of a bend. Its score and information (Rao 1948) are summed over windows that do not
 overlap, each with gains, offset, lags and dead times of its own projected out, so that a driver who slowly changes is no
-bend. With a normal prior of its strength each bend is a model of the driver with another gain (Kass & Raftery 1995); all
-together are as likely as none before the drive. As in `identify` (models/diagnosis/causes_not_excluded.py), the interval
-of K is widened until it holds by all these models, and a K that they put outside of its own interval is not quoted.
+bend. With a normal prior of its strength each bend is a model of the driver with another gain (Kass & Raftery 1995). As in
+`identify` (models/diagnosis/causes_not_excluded.py), the interval of K is widened until it holds by all these models, and a
+K that they put outside of its own interval is not quoted.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ MEMORY_S = 600.0
 USABLE_SHARE = 0.75
 # m/s; slower relative motion is not seen at usual gaps (Todosiev 1963; Wiedemann 1974)
 ZONE_MPS = 0.8
+# of each bend against none, before the drive: as of a cause in `identify`, where a catalogue of forty causes together is as
+# likely as none
+PRIOR_ODDS = 0.025
 # rows; no lag
 TINY = 1e-3
 
@@ -132,7 +135,7 @@ def judged(evidence: Evidence, made: Estimate) -> Estimate:
     score, information, relative = evidence.sums[some].T
     prior = np.array([bend.typical for bend in BENDS])[some] ** -2.0
     precision = information + prior
-    odds = np.exp(np.minimum(0.5 * score**2 / precision, 50.0)) * np.sqrt(prior / precision) / len(BENDS)
+    odds = np.exp(np.minimum(0.5 * score**2 / precision, 50.0)) * np.sqrt(prior / precision) * PRIOR_ODDS
     weights = np.r_[1.0, odds] / (1.0 + odds.sum())
     K = channel.K
     sd = (K.high - K.low) / (2.0 * NORMAL_QUANTILE)
