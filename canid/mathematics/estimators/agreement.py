@@ -103,20 +103,16 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
             why.setdefault(b, says)
     readable = [e.estimator for e in valid if e.estimator not in wrong]
     first = readable[0] if readable and not why.keys() - wrong else ""
-    averages = _averages(latest)
-    return State(latest, apart), tuple(
-        _checked(without_gains(e, averages) if e.estimator not in wrong else e, first, why) for e in estimates
-    )
-
-
-def _averages(estimates: Sequence[Estimate]) -> dict[str, str]:
-    """Inputs of which an estimator withholds a gain that it knows, and why: its model is that of the others."""
-    return {
+    # of a gain that one withholds as an average over a cause, the others' is one too
+    averages = {
         name: channel.withheld
-        for e in estimates
+        for e in latest
         for name, channel in e.channels.items()
         if channel.withheld and channel.status is Identifiable.NOT
     }
+    return State(latest, apart), tuple(
+        _checked(without_gains(e, averages) if e.estimator not in wrong else e, first, why) for e in estimates
+    )
 
 
 def without_gains(e: Estimate, why: Mapping[str, str]) -> Estimate:

@@ -36,21 +36,16 @@ ZONE_MPS = 0.8
 # of each bend against none, before the drive: as of a cause in `identify`, where a catalogue of forty causes together is as
 # likely as none
 PRIOR_ODDS = 0.025
-# rows; no lag
-TINY = 1e-3
 
 
-class Bend(NamedTuple):
-    """A way in which a response is no straight line."""
-
-    added: Callable[[Array], Array]  # range rate (n,) -> what a strength of one adds to it, m/s
-    typical: float  # standard deviation of the strength before the drive, as in the literature
-
-
-BENDS = (
-    Bend(lambda rate: -np.clip(rate, -ZONE_MPS, ZONE_MPS), 0.7),  # dead zone, a straight line within
-    Bend(lambda rate: -np.abs(rate), 0.3),  # closing and opening gap (Newell 1965; Ahmed 1999)
+# range rate (n,) -> what a bend with a strength of one adds to it, m/s: a dead zone, a straight line within; and different
+# answers to a closing and an opening gap (Newell 1965; Ahmed 1999)
+BENDS: tuple[Callable[[Array], Array], ...] = (
+    lambda rate: -np.clip(rate, -ZONE_MPS, ZONE_MPS),
+    lambda rate: -np.abs(rate),
 )
+# standard deviations of their strengths before the drive, as in the literature
+TYPICAL = (0.7, 0.3)
 
 
 class Evidence(NamedTuple):
@@ -78,7 +73,7 @@ def learn(evidence: Evidence, fit: ProcessFit, window: Window) -> Evidence:
         return evidence
     rate = np.nan_to_num(window.rows[:, 3])
     tau, dead_time = at.tau[1] / window.layout.step, at.dead_time[1] / window.layout.step
-    bends = np.array([at.K[1] * _answer(bend.added(rate), tau, dead_time) for bend in BENDS])
+    bends = np.array([at.K[1] * _answer(added(rate), tau, dead_time) for added in BENDS])
     columns = np.vstack([bends * usable, raw])
     values, _ = answer_columns.white(columns, usable, at, window.output_filter, window.layout.step)
     sums, until = _scores(made, values[: len(BENDS)], float(at.K[1])), window.t
@@ -93,11 +88,10 @@ def learn(evidence: Evidence, fit: ProcessFit, window: Window) -> Evidence:
 
 def _answer(u: Array, tau: float, dead_time: float) -> Array:
     """Answer (n,) of first order and unit gain after a dead time, both in rows."""
-    alpha = math.exp(-1.0 / max(tau, TINY))
+    alpha = math.exp(-1.0 / tau)
     middle = 0.5 * (u + np.r_[u[0], u[:-1]]) - u[0]
     answer = u[0] + first_order.scan((1.0 - alpha) * middle, np.array([alpha]))
-    out: Array = np.interp(np.arange(len(u)) - dead_time, np.arange(len(u)), answer)
-    return out
+    return np.asarray(np.interp(np.arange(len(u)) - dead_time, np.arange(len(u)), answer), float)
 
 
 def _scores(made: Columns, bends: Array, gain: float) -> Array:
@@ -133,7 +127,7 @@ def judged(evidence: Evidence, made: Estimate) -> Estimate:
     if not some.any() or not quotable(channel, "K"):
         return made
     score, information, relative = evidence.sums[some].T
-    prior = np.array([bend.typical for bend in BENDS])[some] ** -2.0
+    prior = np.array(TYPICAL)[some] ** -2.0
     precision = information + prior
     odds = np.exp(np.minimum(0.5 * score**2 / precision, 50.0)) * np.sqrt(prior / precision) * PRIOR_ODDS
     weights = np.r_[1.0, odds] / (1.0 + odds.sum())
