@@ -291,7 +291,7 @@ BENCHMARKS = (
         "live_intervals",
         "benchmarks.measurement_effects.live",
         "20 min",
-        "live K, tau, dead time and their sum under noise of the radar and sensor effects: coverage, by method and cause",
+        "live K, tau, dead time and their sum under noise of the radar and sensor effects, or a hidden cause: coverage",
     ),
     Benchmark(
         "delay_bound",

@@ -1,10 +1,12 @@
 """Live estimates under noise of the radar and what sensors do: coverage of every quotable number, a window at a time.
 
     python -m benchmarks live_intervals [--drives 6] [--minutes 8] [--effect WORD] [--whole] [--first-seed 400000]
+    python -m benchmarks live_intervals --hidden [--drives 36] [--first-seed 400000]
 
-Drives of two simulators that are not canid's (tests/plants/outside_drives.py). The first value of each estimator in every
-60 s: FOPDT's windows do not overlap, ARMAX's memory is longer, so that one drive's noise misses in many rows: the drives
-with a miss are counted as well. `--whole`: of the whole drive as well. z is in the interval's own standard deviations.
+`--hidden`: the drives of `averaged_gains`, 10 min with a cause hidden and clean. Else drives of two simulators that are
+not canid's (tests/plants/outside_drives.py). The first value of each estimator in every 60 s: FOPDT's windows do not
+overlap, ARMAX's memory is longer, so that one drive's noise misses in many rows: the drives with a miss are counted as
+well. `--whole`: of the whole drive as well. z is in the interval's own standard deviations.
 """
 
 from __future__ import annotations
@@ -21,12 +23,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from benchmarks.hidden_effects import averaged_gains
 from canid.analysis.drive import drive_parameters
 from canid.mathematics.estimators.agreement import disjoint_parameters
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.identifiability import PARAMETERS
 from canid.values.errors import CanidError
-from canid.values.types import QUOTED, Channel, Status
+from canid.values.types import QUOTED, Channel, Estimate, Status, Trace
 from tests.plants.outside_drives import SIMULATORS, Truth, drawn_drive
 from tests.plants.quoted_intervals import Quoted, trace
 from tests.plants.sensor_effects import EFFECTS, Drawn, applied
@@ -87,6 +90,50 @@ def _of(channels: dict[str, Channel], truth: Truth) -> Iterator[Quoted]:
             yield Quoted(name, parameter, getattr(channel, parameter), truth.of(name, parameter))
 
 
+def first_of_minutes(seen: Trace) -> Iterator[Estimate]:
+    """The first estimate of each estimator in every `WINDOW_S`, where it has numbers.
+
+    Args:
+        seen: a drive.
+    """
+    minutes = set[tuple[str, float]]()
+    for each in drive_parameters.windows(seen):
+        # behind a closed gate estimates come at other times than whole minutes
+        minute = each.estimator, (each.t + 1e-3) // WINDOW_S
+        if each.t < WINDOW_S - 1e-3 or minute in minutes:
+            continue
+        minutes.add(minute)
+        if each.status is Status.OK:
+            yield each
+
+
+def _methods(each: Estimate) -> tuple[str, ...]:
+    return (each.estimator, "headline") if each.headline else (each.estimator,)
+
+
+def hidden(seed: int) -> list[Number]:
+    """Every number that is quotable live of a driver with a cause that no estimator knows, and of the same without it."""
+    out = []
+    for drive in averaged_gains.planted(seed):
+        for each in first_of_minutes(drive.trace):
+            for key, channel in each.channels.items():
+                for what in QUOTED[channel.status]:
+                    if (key, what) in drive.truth:
+                        one = Quoted(key, what, getattr(channel, what), drive.truth[key, what])
+                        out += [
+                            Number(_task(drive.kind), seed, drive.kind, name, each.t, one)
+                            for name in _methods(each)
+                        ]
+    return out
+
+
+def _task(kind: str) -> str:
+    clean = kind in (averaged_gains.BEHIND_LEAD, averaged_gains.IN_LANE)
+    return (
+        kind if clean else "any cause, in the lane" if "in the lane" in kind else "any cause, behind a lead"
+    )
+
+
 def numbers(job: tuple[str, int], seconds: float, word: str = "", whole: bool = False) -> list[Number]:
     """Every quotable number of a drive in each case; of whole drives, disjoint pairs are printed."""
     simulator, seed = job
@@ -100,18 +147,9 @@ def numbers(job: tuple[str, int], seconds: float, word: str = "", whole: bool = 
             seen = trace(drive)
         except CanidError:
             continue
-        minutes = set[tuple[str, float]]()
-        for each in drive_parameters.windows(seen):
-            # behind a closed gate estimates come at other times than whole minutes
-            minute = each.estimator, (each.t + 1e-3) // WINDOW_S
-            if each.t < WINDOW_S - 1e-3 or minute in minutes:
-                continue
-            minutes.add(minute)
-            if each.status is not Status.OK:
-                continue
+        for each in first_of_minutes(seen):
             for one in _of(dict(each.channels), drive.truth):
-                out += [put(each.estimator, each.t, one)]
-                out += [put("headline", each.t, one)] if each.headline else []
+                out += [put(name, each.t, one) for name in _methods(each)]
         if whole:
             both = {name: r for name, r in drive_parameters.whole_drive(seen).whole.items() if r is not None}
             for name, result in both.items():
@@ -152,20 +190,26 @@ def main() -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--drives", type=int, default=6, help="of each simulator [6]")
+    parser.add_argument("--hidden", action="store_true", help="drivers with a hidden cause, drives of 10 min")
     parser.add_argument("--minutes", type=float, default=8.0, help="of each drive [8]")
     parser.add_argument("--effect", default="", help="only cases whose name holds this")
     parser.add_argument("--whole", action="store_true", help="the whole drive as well")
     parser.add_argument("--first-seed", type=int, default=400_000)
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args()
-    jobs = [(name, args.first_seed + k) for k in range(args.drives) for name in SIMULATORS]
-    work = partial(numbers, seconds=60.0 * args.minutes, word=args.effect, whole=args.whole)
     every: list[Number] = []
     with ProcessPoolExecutor(args.processes) as pool:
-        for job, found in zip(jobs, pool.map(work, jobs), strict=True):
+        if args.hidden:
+            seeds = range(args.first_seed, args.first_seed + args.drives)
+            made = zip(seeds, pool.map(hidden, seeds), strict=True)
+        else:
+            jobs = [(name, args.first_seed + k) for k in range(args.drives) for name in SIMULATORS]
+            work = partial(numbers, seconds=60.0 * args.minutes, word=args.effect, whole=args.whole)
+            made = zip(jobs, pool.map(work, jobs), strict=True)
+        for job, found in made:
             every += found
             missed = sum(not each.quoted.covers for each in found)
-            print(f"{job[0]} {job[1]}: {missed} of {len(found)} do not cover", flush=True)
+            print(f"{job}: {missed} of {len(found)} do not cover", flush=True)
     for by in ("", "case", "simulator"):
         print("\n" + "\n".join(table(every, by)))
 

@@ -132,7 +132,8 @@ def main() -> int:
             every += found
             missed = ", ".join(f"{x.name} {x.method} z {x.z:+.1f}" for x in found if not x.inside)
             print(
-                f"{world.seed} {minutes:g} {world.noise} {world.road} s0 {world.standstill:.1f}: {missed or 'held'}",
+                f"{world.seed} {minutes:g} {world.noise} {world.road} s0 {world.standstill:.1f}: "
+                f"{len(found)} quoted, {missed or 'all hold'}",
                 flush=True,
             )
             if given.lines:

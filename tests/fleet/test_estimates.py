@@ -16,9 +16,9 @@ from canid.analysis.fleet.answers.pooled import own_estimates
 from canid.analysis.fleet.answers.summary import summarise
 from canid.analysis.fleet.storage.columns import POOLED
 from canid.analysis.fleet.storage.database import opened
+from canid.mathematics.estimators import plausibility
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.population import drive_table as tables
-from canid.models.diagnosis import causes_not_excluded
 from canid.values.fleet_summary import Kind
 from tests.fixtures.fleet_folder import Planted, made, write
 
@@ -260,7 +260,7 @@ def test_a_gain_that_identify_withholds_is_not_pooled_and_the_reason_is_said(
 ) -> None:
     """An average over a cause has a narrow interval, which the status alone does not take out."""
     number = seed % len(planted.rows)
-    why = causes_not_excluded.reason("range_rate")
+    why = plausibility.average_over_cause("range_rate")
     written = json.dumps({"whole": {"channels": {"range_rate": {"withheld": why}}}})
     row = changed(planted, number, range_rate_status="not_identifiable", identify_json=written)
     of = chosen(planted.folder)

@@ -15,11 +15,10 @@ from canid.analysis.drive import identification_json
 from canid.analysis.drive.drive_parameters import Identified
 from canid.analysis.drive.drive_summary import DriveSummary
 from canid.analysis.drive.requirements import judged, requirement
-from canid.mathematics.estimators import whole_drive_agreement
+from canid.mathematics.estimators import plausibility, whole_drive_agreement
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.systems import identified_loop
 from canid.mathematics.systems.identified_loop import IdentifiedLoop
-from canid.models.diagnosis import causes_not_excluded
 from canid.ui.views import identification_text, junit
 from canid.ui.views.comparison_report import comparison_document
 from canid.values.types import Channel, DriveTime, Identifiable, Interval
@@ -37,7 +36,7 @@ def drawn(seed: int) -> tuple[Identified, str, str]:
         value, half = rng.uniform(2.0, 8.0), rng.uniform(0.1, 0.9)
         known = Interval(value, value - half, value + half)
         channels[name] = Channel(known, *[Interval(0.5, 0.4, 0.6)] * 3, status=Identifiable.OK)
-    why = causes_not_excluded.reason(moved)
+    why = plausibility.average_over_cause(moved)
     whole = whole_drive_agreement.without_parameter(WholeDrive(channels), moved, "K", why)
     assert whole is not None
     time = DriveTime(600.0, 600.0, 600.0, 500.0)

@@ -11,9 +11,9 @@ from itertools import combinations
 from typing import NamedTuple
 
 from canid.mathematics.estimators.status import TIME_ROUNDING_S
-from canid.mathematics.identification.identifiability import apart, quotable
+from canid.mathematics.identification.identifiability import apart, not_quotable, quotable
 from canid.values.text.names import method
-from canid.values.types import Channel, Estimate, Interval, Status
+from canid.values.types import Channel, Estimate, Identifiable, Interval, Status
 
 # Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
 # are worked out from shared poles. An estimator that is not named here comes after these.
@@ -103,7 +103,38 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
             why.setdefault(b, says)
     readable = [e.estimator for e in valid if e.estimator not in wrong]
     first = readable[0] if readable and not why.keys() - wrong else ""
-    return State(latest, apart), tuple(_checked(e, first, why) for e in estimates)
+    # of a gain that one withholds as an average over a cause, the others' is one too
+    averages = {
+        name: channel.withheld
+        for e in latest
+        for name, channel in e.channels.items()
+        if channel.withheld and channel.status is Identifiable.NOT
+    }
+    return State(latest, apart), tuple(
+        _checked(without_gains(e, averages) if e.estimator not in wrong else e, first, why) for e in estimates
+    )
+
+
+def without_gains(e: Estimate, why: Mapping[str, str]) -> Estimate:
+    """Withhold gains, and what goes with them; `inconsistent` where nothing is left to be quoted.
+
+    Args:
+        e: an estimate.
+        why: input -> reason, in one line.
+
+    >>> from canid.values.types import Identifiable
+    >>> e = Estimate(1.0, "armax", Status.OK, "range rate: K only", {"range_rate": Channel(status=Identifiable.GAIN_ONLY)})
+    >>> without_gains(e, {"range_rate": "K is an average"}).status.value, without_gains(e, {}) == e
+    ('inconsistent', True)
+    """
+    moved = [name for name in why if quotable(e.channels.get(name, Channel()), "K")]
+    if not moved or e.status is not Status.OK:
+        return e
+    channels = {n: not_quotable(c, why[n]) if n in moved else c for n, c in e.channels.items()}
+    says = "; ".join(why[name] for name in moved)
+    if any(c.status is not Identifiable.NOT for c in channels.values()):
+        return e._replace(channels=channels, says=f"{e.says}; {says}")
+    return e._replace(channels=channels, says=says, status=Status.INCONSISTENT)
 
 
 def _checked(e: Estimate, first: str, why: Mapping[str, str]) -> Estimate:

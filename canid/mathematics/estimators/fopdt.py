@@ -12,7 +12,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from canid.mathematics.estimators import fopdt_whole_drive, plausibility, status, step_watch, wanted_gap_form
+from canid.mathematics.estimators import (
+    bent_response,
+    fopdt_whole_drive,
+    plausibility,
+    status,
+    step_watch,
+    wanted_gap_form,
+)
 from canid.mathematics.estimators.estimator import Estimator, WholeDrive
 from canid.mathematics.identification import feedback_bias
 from canid.mathematics.identification.fopdt import fopdt_fit, fopdt_residual, grid_search, regression_rows
@@ -140,6 +147,7 @@ class State(NamedTuple):
     start: grid_search.Start | None  # where the last reported fit ended
     reported: bool = False  # the estimate that is due is a report's: its fit begins with the whole box
     watch: step_watch.Watch = step_watch.Watch()  # for steps of the gains
+    bends: bent_response.Evidence = bent_response.Evidence()  # of the response to relative speed
 
 
 def init(setup: Setup) -> State:
@@ -152,6 +160,8 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
     """Why a restored state is not of this setup."""
     if state.window.ndim != 2 or any(len(row) != 3 + len(setup.input_names) for row in state.recent):
         yield "the window of fopdt has another shape"
+    if state.bends.sums.shape != bent_response.Evidence().sums.shape:
+        yield "the bends of fopdt have another shape"
 
 
 # --- one sample ------------------------------------------------------------------------------------
@@ -269,9 +279,10 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
             says = f"{says}; K since the driver changed, τ and θ from before"
             since = given_quoted(since)
             used = sample.t - state.watch.cut
-            return state, Estimate(
+            of_step = Estimate(
                 sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change
             )
+            return state, bent_response.judged(state.bends, of_step)
     start = None if state.reported else state.start
     fit = fopdt_fit.fit_rows(
         setup.layout,
@@ -290,7 +301,7 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     if state.reported:
         window_now = _window(setup, state)
         watch = step_watch.learn(state.watch, fit, channels, window_now, sample.t)
-        state = state._replace(watch=watch)
+        state = state._replace(watch=watch, bends=bent_response.learn(state.bends, fit, window_now))
     channels = step_watch.with_steps(state.watch, channels, _window(setup, state))
     following = _following(given, sample.signals.get("speed"), sample.signals.get("headway"))
     verdict = plausibility.judge(channels, fit.fit_percent, _ranges(given), following)
@@ -307,9 +318,10 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     if is_unknown(given.output_filter):
         says = f"{says}; {DELAYS_HOLD_IT}"
     channels = given_quoted(channels)
-    return state, Estimate(
+    complete = Estimate(
         sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests, change=change
     )
+    return state, bent_response.judged(state.bends, complete)
 
 
 def _ranges(given: FopdtSettings) -> plausibility.Ranges:

@@ -12,10 +12,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from canid.mathematics.estimators import status
+from canid.mathematics.estimators.agreement import WORDS
 from canid.mathematics.identification import closed_loop_stability
 from canid.mathematics.identification.confidence import QUANTILES
 from canid.mathematics.identification.fopdt.grid_search import Optimum
 from canid.mathematics.identification.identifiability import QUOTABLE, apart
+from canid.values.text.names import readable
 from canid.values.text.numbers import number
 from canid.values.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
 
@@ -210,6 +212,23 @@ def large_left_over(tests: ResidualTests) -> list[tuple[str, float]]:
 
 # what to do about a gain that something else than its size keeps from being quoted
 SEARCH = "search for the cause with `canid diagnose`"
+# posterior probability that a parameter is outside of its interval of 95 %, by models with one cause more, from which on it
+# is not quoted
+OUTSIDE = 0.7
+
+
+def average_over_cause(key: str, what: str = "K") -> str:
+    """Why a parameter of an input is withheld that a cause moves, and what to do; the same words in every result.
+
+    Example:
+        >>> average_over_cause("range_rate").partition(":")[0]
+        'K of range rate is probably an average over a cause that the model does not have'
+    """
+    symbol = WORDS[what][0]
+    return (
+        f"{symbol} of {readable(key)} is probably an average over a cause that the model does not have: with it the model "
+        f"describes this drive better and has another {symbol}; {SEARCH}"
+    )
 
 
 def gains_left_over(tests: ResidualTests) -> dict[str, str]:

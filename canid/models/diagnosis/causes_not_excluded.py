@@ -16,7 +16,6 @@ import numpy as np
 from scipy.special import ndtr
 
 from canid.mathematics.estimators import plausibility, whole_drive_agreement
-from canid.mathematics.estimators.agreement import WORDS
 from canid.mathematics.estimators.estimator import WholeDrive
 from canid.mathematics.identification.confidence import SIGMAS
 from canid.mathematics.identification.identifiability import QUOTABLE, quotable
@@ -28,11 +27,8 @@ from canid.models.diagnosis.driver.model_averaging import Alternative, alternati
 from canid.models.diagnosis.lane import lane_keeping, lane_model, lane_search
 from canid.models.effects import CATALOGUE, LANE_CATALOGUE
 from canid.signals.signal_checks.whole_drive_limits import with_limits
-from canid.values.text.names import readable
 from canid.values.types import TASK_INPUTS, Interval, Trace
 
-# posterior probability that a parameter is outside of its interval of 95 %, from which on it is not quoted
-OUTSIDE = 0.7
 # evidence, in 2 Δ log likelihood, below which a cause is hardly likelier than none
 LEAST_EVIDENCE = 4.0
 # a variance that is not 0
@@ -75,9 +71,11 @@ def _judged(result: WholeDrive | None, others: tuple[Alternative, ...]) -> Whole
                 continue
             narrow = getattr(channel, what)
             wide = _widened(narrow, what, others, parameters)
-            moved = outside(narrow, others, parameters) >= OUTSIDE
+            moved = outside(narrow, others, parameters) >= plausibility.OUTSIDE
             if moved or (what == "K" and not wide.low * wide.high > 0.0):
-                out = whole_drive_agreement.without_parameter(out, key, what, reason(key, what))
+                out = whole_drive_agreement.without_parameter(
+                    out, key, what, plausibility.average_over_cause(key, what)
+                )
             else:
                 changed: dict[str, Any] = {what: wide}
                 out = out._replace(channels={**out.channels, key: out.channels[key]._replace(**changed)})
@@ -91,20 +89,6 @@ def _widened(
     sd = (narrow.high - narrow.low) / (2.0 * SIGMAS)
     bounds = min(low, narrow.low), max(high, narrow.high)
     return averaged(narrow, sd, others, parameters, 1.0, *bounds).interval
-
-
-def reason(key: str, what: str = "K") -> str:
-    """Why a parameter of an input is withheld, and what to do; the same words in every result.
-
-    Example:
-        >>> reason("range_rate").partition(":")[0]
-        'K of range rate is probably an average over a cause that the model does not have'
-    """
-    symbol = WORDS[what][0]
-    return (
-        f"{symbol} of {readable(key)} is probably an average over a cause that the model does not have: with it the model "
-        f"describes this drive better and has another {symbol}; {plausibility.SEARCH}"
-    )
 
 
 def shown(trace: Trace) -> tuple[Alternative, ...]:

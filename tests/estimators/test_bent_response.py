@@ -1,0 +1,69 @@
+"""A driver whose response to relative speed is bent: live, a straight line's gain is an average over it and not quoted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from canid.mathematics.estimators import ESTIMATORS
+from canid.mathematics.estimators.windows import reported_estimates
+from canid.mathematics.identification.identifiability import quotable
+from canid.values.types import Array, Estimate, LearnGate, Sample, Status
+from tests.plants.first_order_lag import answer
+from tests.seeds import mostly
+
+DT, MINUTES = 0.1, 4.0
+K1, K2 = 6.0, 5.0
+
+
+def straight(rate: Array) -> Array:
+    return rate
+
+
+def dead_zone(rate: Array) -> Array:
+    return np.sign(rate) * np.maximum(np.abs(rate) - 1.0, 0.0)
+
+
+def drive(seed: int, bend: Callable[[Array], Array]) -> list[Estimate]:
+    """Reports of a drive behind a lead that no loop is closed with: headway and range rate are given."""
+    rng = np.random.default_rng([seed, 151])
+    n = round(MINUTES * 60.0 / DT)
+    rate = lfilter([1.0], [1.0, -0.95], 0.5 * rng.normal(size=n))
+    headway = np.clip(1.7 + 0.4 * lfilter([0.1], [1.0, -0.99], rng.normal(size=n)), 0.8, 3.0)
+    noise = lfilter([1.0], [1.0, -0.9], 0.3 * rng.normal(size=n))
+    y = 20.0 + K1 * answer(headway - 1.7, DT, 0.5, 0.3) + K2 * answer(bend(rate), DT, 0.4, 0.3) + noise
+    samples = [
+        Sample(round(k * DT, 6), float(a), (float(h), float(r)), LearnGate.OPEN, True, 0, {})
+        for k, (a, h, r) in enumerate(zip(y, headway - 1.7, rate, strict=True))
+    ]
+    running = [estimator.make(("headway_error", "range_rate"), DT) for estimator in ESTIMATORS]
+    return [e for e in reported_estimates(running, samples) if e.t > 125.0]
+
+
+def missed(estimates: list[Estimate]) -> list[Estimate]:
+    """Those that quote a gain of relative speed whose interval does not hold it."""
+    quoted = [e for e in estimates if e.status is Status.OK and quotable(e.channels["range_rate"], "K")]
+    return [e for e in quoted if not e.channels["range_rate"].K.low <= K2 <= e.channels["range_rate"].K.high]
+
+
+@pytest.mark.slow("estimates over whole drives")
+@mostly(0.9)
+def test_an_average_over_a_dead_zone_is_withheld_by_both_estimators(seed: int) -> None:
+    """After two minutes neither quotes the gain, and both say why in the same words."""
+    estimates = drive(seed, dead_zone)
+    withheld = [e for e in estimates if "range rate is probably an average over a cause" in e.says]
+    assert len(withheld) >= 0.3 * len(estimates)
+    assert {e.estimator for e in withheld} == {"fopdt", "armax"}
+    assert len(missed(estimates)) <= 0.3 * len(estimates)
+
+
+@pytest.mark.slow("estimates over whole drives")
+@mostly(0.9)
+def test_a_straight_response_keeps_its_gain(seed: int) -> None:
+    """Nothing is withheld, and the interval holds it."""
+    estimates = drive(seed, straight)
+    assert all(e.status is Status.OK and quotable(e.channels["range_rate"], "K") for e in estimates)
+    assert len([e for e in missed(estimates) if e.estimator == "fopdt"]) <= 0.1 * len(estimates)
