@@ -35,7 +35,7 @@ USABLE_SHARE = 0.75
 ZONE_MPS = 0.8
 # of each bend against none, before the drive: as of a cause in `identify`, where a catalogue of forty causes together is as
 # likely as none
-PRIOR_ODDS = 0.025
+PRIOR_ODDS = 1.0 / 40.0
 
 
 # range rate (n,) -> what a bend with a strength of one adds to it, m/s: a dead zone, a straight line within; and different
