@@ -7,8 +7,9 @@ header; columns of their own behind the data are not read.
 from __future__ import annotations
 
 import base64
+import binascii
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from canid.io.logs.frame_lines import Row, read
@@ -23,19 +24,16 @@ _COLUMN_NAMES = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 _TIME_WORD = re.compile(r"\d{1,20}(\.\d{1,20})?(e[+-]?\d{1,3})?")
 _ID_WORD = re.compile(r"0x[0-9a-f]{1,8}", re.IGNORECASE)
 _DLC = re.compile(r"\d{1,2}")
-# a row, for its length and its bytes
-_HEX_ROW = re.compile(r"(?:[^,]*,){5}(\d{1,2}),([^,]+)")
+_HEX = re.compile(r"[0-9a-f]+", re.IGNORECASE)
 
 
 def read_csv(path: Path, state: ReadState, wanted: WantedIds | None = None) -> Iterator[Columns]:
     """Columns in the order of the file; raises LogError where no line is one."""
     numbered = False  # pandas writes the number of each row before it
     more = 0  # columns behind those of python-can
-    octets: Callable[[str], bytes] = _base64  # as the first frame with bytes has them
-    decided = False
 
     def take(text: str, line: Line) -> Row | str:
-        nonlocal numbered, more, octets, decided
+        nonlocal numbered, more
         numbered |= text.startswith(f",{_COLUMN_NAMES}")
         number, _, rest = text.partition(",")
         text = rest if numbered and (not number or number.isdecimal()) else text
@@ -46,29 +44,29 @@ def read_csv(path: Path, state: ReadState, wanted: WantedIds | None = None) -> I
         text = (
             text.rsplit(",", more)[0] if more and text.count(",") == _COLUMN_NAMES.count(",") + more else text
         )
-        if not decided and (row := _HEX_ROW.fullmatch(text)) and int(row[1]):
-            # 2 n hexadecimal digits are never the base64 of n bytes
-            decided, octets = True, bytes.fromhex if len(row[2]) == 2 * int(row[1]) else _base64
-        return _take(text, octets)
+        return _take(text)
 
     return read(path, state, take, wanted)
 
 
-def _base64(text: str) -> bytes:
-    return base64.b64decode(text, validate=True)
+def _bytes(packed: str, length: int) -> bytes:
+    """Hexadecimal or base64: of 2 or 4 bytes both are equally long, but base64 then ends with =."""
+    if len(packed) == 2 * length and _HEX.fullmatch(packed):
+        return bytes.fromhex(packed)
+    return base64.b64decode(packed, validate=True)
 
 
-def _take(text: str, octets: Callable[[str], bytes]) -> Row | str:
+def _take(text: str) -> Row | str:
     if text == _COLUMN_NAMES:
         return "header lines"
     try:
-        ns, id_, data, flags, length = _parse(text, octets)
+        ns, id_, data, flags, length = _parse(text)
     except (ValueError, OverflowError) as error:
         raise error if isinstance(error, Bad) else Bad(f"it is not {_COLUMN_NAMES}") from None
     return Row(ns, 0, id_, data, flags, length)
 
 
-def _parse(text: str, octets: Callable[[str], bytes]) -> tuple[int, int, bytes, int, int]:
+def _parse(text: str) -> tuple[int, int, bytes, int, int]:
     stamp, id_, extended, remote, error, dlc, packed = text.split(",")
     if not (_TIME_WORD.fullmatch(stamp) and _ID_WORD.fullmatch(id_) and _DLC.fullmatch(dlc)):
         raise Bad(f"it is not {_COLUMN_NAMES}")
@@ -77,11 +75,11 @@ def _parse(text: str, octets: Callable[[str], bytes]) -> tuple[int, int, bytes, 
         if word not in ("0", "1"):
             raise Bad(f"{word!r} is neither 0 nor 1")
         flags |= int(flag) if word == "1" else 0
-    try:
-        data = octets(packed)
-    except ValueError:  # binascii.Error is one
-        raise Bad(f"its data are not {'base64' if octets is _base64 else 'hexadecimal'}") from None
     announced, number, ns = int(dlc), int(id_, 16), timestamps.from_float(float(stamp))
+    try:
+        data = _bytes(packed, announced)
+    except binascii.Error:
+        raise Bad("its data are neither base64 nor hexadecimal") from None
     if not 0 <= ns <= MAX_TIME_NS:
         raise Bad("its time is damaged")
     if number > (MAX_EXTENDED_ID if flags & (Flag.EXTENDED | Flag.ERROR) else MAX_STANDARD_ID):
