@@ -277,12 +277,11 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
             if kind is not Status.OK:
                 return state, refused(kind, says)._replace(change=change)
             says = f"{says}; K since the driver changed, τ and θ from before"
-            since = given_quoted(since)
             used = sample.t - state.watch.cut
             of_step = Estimate(
                 sample.t, NAME, kind, says, since, excitation=excitation, used=used, change=change
             )
-            return state, bent_response.judged(state.bends, of_step)
+            return state, _judged(state, of_step)
     start = None if state.reported else state.start
     fit = fopdt_fit.fit_rows(
         setup.layout,
@@ -317,11 +316,16 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
         return state, made._replace(says=says, residual_tests=tests) if verdict.refused else made
     if is_unknown(given.output_filter):
         says = f"{says}; {DELAYS_HOLD_IT}"
-    channels = given_quoted(channels)
     complete = Estimate(
         sample.t, NAME, kind, says, channels, fit.fit_percent, excitation, used, tests, change=change
     )
-    return state, bent_response.judged(state.bends, complete)
+    return state, _judged(state, complete)
+
+
+def _judged(state: State, made: Estimate) -> Estimate:
+    """Widen what may be quoted; an end that is lowered to zero is no gain of unknown sign, and comes last."""
+    made = bent_response.judged(state.bends, made)
+    return made._replace(channels=given_quoted(made.channels))
 
 
 def _ranges(given: FopdtSettings) -> plausibility.Ranges:
