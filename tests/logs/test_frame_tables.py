@@ -425,7 +425,7 @@ REFUSED = (
     ("Time (s),ID,Msg ID,Data\n0.1,0x123,0x4,01 0A\n", "may be its ids"),
     ("Time (s),Type,ID (hex),Data\n0.1,3,123,01 0A\n", "what the numbers in its column 'Type' mean"),
     ("When,ID (hex),Data\n0.1,123,01 0A\n", "named as one of times"),
-    ("Time,ID (hex),Data\n3/4/2025 10:00:00,123,01 0A\n", "day or month may be first in its times, such as '3/4/2025"),
+    ("Time,ID (hex),Data\n3/4/2025 10:00:00,123,01 0A\n", "day or month may be first in its times, such as '3/4/"),
     ("# Logger type: CL2000\n# Time format: 0\nTimestamp;Type;ID;Data\n683;0;7df;02010d\n", "ms within a second"),
     ("Chn Identifier Flg   DLC  D0...1  Time     Dir\n 0    123   2  01  22    0.1 R\n", "Kvaser's plain text, and its"),
     ("0.1,0316,1,8,05,21,68,09,21,21,00,6f\n" * 9, "no line names the columns"),  # a channel, or a length

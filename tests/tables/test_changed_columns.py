@@ -15,6 +15,7 @@ OTHER_LINES = {
     "other unit": "time,speed [m/s],pedal [%],gap [m],range_rate [m/s]",
     "one column more": "time,temperature,speed [km/h],pedal [%],gap [m],range_rate [m/s]",
     "quoted": '"time","pedal [%]","speed [km/h]","range_rate [m/s]","gap [m]"',
+    "quoted, another name first": '"pedal [%]","time","speed [km/h]","range_rate [m/s]","gap [m]"',
     "in German": "Zeit,Fahrpedal [%],Geschwindigkeit [km/h],Relativgeschwindigkeit [m/s],Abstand [m]",
     "units alone": "s,m/s,%,m,m/s",
 }

@@ -122,6 +122,7 @@ DIALECTS = {
     "units behind commas": _text(
         "Время, с;Скорость, км/ч;Педаль газа, %;Дистанция, м;Относительная скорость, м/с", mark=";"
     ).replace(".", ","),
+    "zone behind a blank": _text(USUAL, _written("%Y-%m-%d %H:%M:%S.%f +0200")),
     "Hungarian date": _text(USUAL, _written("%Y. %m. %d. %H:%M:%S.%f")),
     "Japanese clock": _text(USUAL, _written("%Y年%m月%d日 %H時%M分%S.%f秒")),
     "minutes, seconds, ms": _text(USUAL, lambda k: f"{k // 600:02d}:{k // 10 % 60:02d}:{100 * (k % 10):03d}"),
@@ -332,3 +333,15 @@ def test_ticks_without_a_unit_are_found_by_the_leads_speed(tmp_path: Path) -> No
     path.write_text("\n".join(["time,speed [m/s],pedal,gap,lead_speed [m/s]", *rows]))
     with pytest.raises(ConfigError, match=r"state the units of time.*10us"):
         open_table(path)
+
+
+@pytest.mark.parametrize(
+    "name", ["Geschwindigkeitsdifferenz", "Differenzgeschwindigkeit", "sebességkülönbség", "delta v"]
+)
+def test_a_difference_of_speeds_has_the_sign_that_the_gap_shows(name: str, tmp_path: Path) -> None:
+    """It may be the lead's speed minus the own one, or the reverse."""
+    path = tmp_path / "drive.csv"
+    path.write_text(_text(USUAL.replace("range_rate", name), factors=(3.6, 1.0, 1.0, -1.0)), encoding="utf-8")
+    _check(path)
+    trace = trace_of(open_table(path), pipeline.DT)
+    assert np.corrcoef(trace.signals["range_rate"], np.interp(trace.t, T, RATE))[0, 1] > 0.9

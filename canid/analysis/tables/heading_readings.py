@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from canid.analysis.tables.heading_words import distance_in_words
+from canid.analysis.tables.heading_words import undecided_in_words as undecided
 from canid.analysis.tables.headings import EXTRA, HEADWAY, Heading, role_of
 from canid.analysis.tables.remedies import Remedies
 from canid.analysis.tables.source import Source, clean, number
@@ -39,13 +39,10 @@ _HEADWAYS_S = (0.25, 8.0)
 _MIN_SPEED = 5.0
 
 
-# names, as `Heading.name`, of differences of two speeds, of either sign. The share of its changes in which what may be a
-# gap or the way that was driven falls and rises at least, if it is a gap; rows of one change of it; and the share of
-# those in which the sum of the difference has one sign with it
-_DIFFERENCES = (
-    "dv", "d_v", "delta_v", "deltav", "delta_speed", "delta_velocity", "speed_difference", "speed_diff",
-    "velocity_difference", "diff_speed", "diff_v", "geschwindigkeitsdifferenz",
-)  # fmt: skip
+# names, as `Heading.name`, of differences of two speeds besides those in words
+_DIFFERENCES = ("dv", "d_v", "deltav")
+# share of its changes in which a distance falls and rises at least, if it is a gap; rows of one change of it; and the share
+# of those in which the sum of a difference of speeds has one sign with it
 _FALLS, _ROWS, _AGREE, _MIN_CHANGES = 0.1, 20, 0.8, 50
 
 
@@ -103,7 +100,7 @@ def _by_changes(
 ) -> tuple[list[str], tuple[int, ...]]:
     """Take columns that may be the gap or the range rate for what their changes show: notes, and those that close."""
     notes, places = list[str](), {role: place for place, role in roles.items()}
-    near = [k for k, head in enumerate(parsed) if k not in roles and distance_in_words(head.name)]
+    near = [k for k, head in enumerate(parsed) if k not in roles and undecided(head.name) == "distance"]
     if len(near) == 1 and "speed" in places and not {"gap", HEADWAY, "spacing"} & places.keys():
         x, v = (
             _column(source, k) * (factor_to(parsed[k].unit or unit, unit) or np.nan)
@@ -117,7 +114,11 @@ def _by_changes(
                 f"{brief(parsed[near[0]].text.strip())}: taken as gap: it rises and falls, with a median headway of "
                 f"{headway:.2g} s; where it is another distance: {says.column('gap')}"
             )
-    rates = [k for k, head in enumerate(parsed) if k not in roles and head.name in _DIFFERENCES]
+    rates = [
+        k
+        for k, head in enumerate(parsed)
+        if k not in roles and (head.name in _DIFFERENCES or undecided(head.name) == "difference")
+    ]
     if "gap" not in places or len(rates) != 1 or {"range_rate", "lead_speed"} & places.keys():
         return notes, ()
     sign = _sign(_column(source, places["gap"], whole=True), _column(source, rates[0], whole=True))

@@ -16,31 +16,35 @@ _WORDS: dict[str, str] = {
         "au aux un une en mesure mesuree vehicule voiture actuelle del el al los coche vehiculo medida di della dello "
         "delle il lo veicolo auto misurata to do da veiculo het tot voertuig data field msg fzg vehicules veiculos "
         "vehiculos vozidla pojazdu pojazdow fordon автомобиля ao dal ajoneuvon auton jarmu autoe arac araca aracın "
-        "autovehicul autovehiculului till til kjøretøy bilens bil 車両 车辆 차량 απο οχημα οχηματος 与 的",
+        "autovehicul autovehiculului till til kjøretøy bilens bil 車両 车辆 차량 απο οχημα οχηματος 与 的 az との che "
+        "vehiculaire vehiculaires",
     "between": "inter between entre zwischen tra mezi miedzy mellan между 间 間",
     "own": "own ego host self subject sv fv fav follower foll eigen eigenes eigene propre propio propia proprio "
         "propria oma sajat kendi propriu egen 自車 自车 本车 本車",
     "lead": "lead leader leading preceding lv ahead front target vordermann vordermanns vorausfahrend vorausfahrenden "
         "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente "
         "voorligger poprzedzajacego framforvarande переднего лидера edella ajavaan edeltavaan elol halado haladohoz "
-        "ondeki ondekine forankjørende forankørende 先行車 前車 前车 目标车 선행 앞차 선행차",
-    "relative": "relative rel relativ relativa relativo relatieve differenz wzgledna relativni относительная "
+        "ondeki ondekine forankjørende forankørende 先行車 前車 前车 目标车 선행 앞차 선행차 leder lider precede haladotol "
+        "poprzedzajacego 前方車両 前方车辆",
+    "relative": "relative rel relativ relativa relativo relatieve wzgledna relativni относительная "
         "suhteellinen bagıl goreli relatif sxetikh σχετικη 相対 相对 상대",
+    "difference": "difference diff differenz kulonbseg ero roznica diferencia diferenca differenza delta",
     "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
     "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid geschw "
-        "predkosc hastighet hastighed rychlost скорость nopeus sebesseg hız hızı viteza ταχυτητα 速度 車速 车速 속도",
+        "predkosc hastighet hastighed rychlost скорость nopeus sebesseg hız hızı viteza ταχυτητα 速度 車速 车速 속도 차속",
     "rate": "rate",
     "distance": "distance dist d space distanz distancia distanza odległosc vzdalenost дистанция расстояние etaisyys "
         "tavolsag mesafe mesafesi distanta αποσταση 距離 距离 거리",
     "gap": "gap range clearance abstand lucke interdistance afstand avstand odstep valimatka koveto kovetesi takip 車間 "
-        "车间 차간",
+        "车间 차간 车间距 车距 跟车距离",
     "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao przyspieszenie "
-        "zrychleni acceleratie ускорение kiihtyvyys gyorsulas ivme akselerasjon επιταχυνση 加速度 가속도",
+        "zrychleni acceleratie ускорение kiihtyvyys gyorsulas ivme akselerasjon επιταχυνση 加速度 가속도 прискорення",
     "along": "longitudinal longit langs longitudinale",
     "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore gazu plynovy газа speeder "
-        "kaasu gaz gass 油门 加速 アクセル γκαζιου 가속 акселератора",
-    "pedal": "pedal pedale pedaal pedał педаль педали poljin pedalı pedala πενταλ pdl 踏板 ペダル 페달",
-    "place": "position pos stellung winkel posicion posizione asento allas konumu pozitia θεση 開度 开度 位置 개도",
+        "kaasu gaz gass 油门 加速 アクセル γκαζιου 가속 акселератора kaasupolkimen kaasupoljin",
+    "pedal": "pedal pedale pedaal pedał педаль педали poljin pedalı pedala πενταλ pdl 踏板 ペダル 페달 pedału polkimen",
+    "place": "position pos stellung winkel posicion posizione asento allas konumu pozitia θεση 開度 开度 位置 개도 "
+        "połozenie posicao",
     "brake": "brake braking bremse brems frein freno jarru fek fren frana φρενο ブレーキ 制动 브레이크",
     "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
     "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd czas tid cas время aika ido zaman timp χρονος 時間 "
@@ -121,14 +125,21 @@ def closing_in_words(name: str) -> bool:
     return role_in_words(name) == "range_rate" and "closing" in (_meanings(name.split("_")) or ())
 
 
-def distance_in_words(name: str) -> bool:
-    """Whether the words name a distance, and not of what: a gap, or the way that was driven.
+def undecided_in_words(name: str) -> str:
+    """What the words leave open: "distance" (of what), or "difference" (of two speeds, of either sign); "": nothing.
 
     Example:
-        >>> distance_in_words("distance"), distance_in_words("vzdalenost"), distance_in_words("distance_to_center")
-        (True, True, False)
+        >>> [undecided_in_words(name) for name in ("vzdalenost", "geschwindigkeitsdifferenz", "distance_to_center")]
+        ['distance', 'difference', '']
     """
-    return _meanings(name.split("_")) == {"distance"}
+    meanings = (_meanings(name.split("_")) or set()) - {"lead", "own"}
+    return (
+        "distance"
+        if meanings == {"distance"}
+        else "difference"
+        if meanings == {"speed", "difference"}
+        else ""
+    )
 
 
 def says_accelerator(name: str) -> bool:

@@ -25,6 +25,7 @@ UNITS = {
     "µs": 1e-6,
     "μs": 1e-6,
     "ns": 1e-9,
+    "cs": 1e-2,
     "min": 60.0,
     "h": 3600.0,
     "d": 86_400.0,
@@ -330,6 +331,7 @@ def _ns(text: str) -> int | None:
     if stamp.tzinfo is None:
         stamp = stamp.replace(tzinfo=UTC)
     whole = stamp.replace(microsecond=0)
-    fraction = re.search(r"[.,](\d{1,9})\d*(?:Z|[+-][\d:]+)?$", text)
-    nanos = int(fraction[1].ljust(9, "0")) if fraction is not None else 0
+    # of nine digits; behind a form that is not known here Python has six
+    fraction = re.search(r"[.,](\d{1,9})\d*\s*(?:Z|[+-][\d:]+)?$", text)
+    nanos = int(fraction[1].ljust(9, "0")) if fraction is not None else stamp.microsecond * 1000
     return int(whole.timestamp()) * 1_000_000_000 + nanos

@@ -18,6 +18,7 @@ class Wrap(NamedTuple):
 
 
 TWELVE_HOURS = Wrap(43_200.0, "the clock of twelve hours goes on from 12:59:59 to 1:00", 3600.0)
+MIDNIGHT = Wrap(86_400.0, "the time of day goes over midnight")
 # none is within MAX_STEP_S of another
 WRAPS = (
     Wrap(60.0, "the clock of 60 s (slcan) begins anew"),
@@ -26,7 +27,7 @@ WRAPS = (
     Wrap(4294.967296, "the counter of 32 bits in µs wraps"),
     Wrap(16_777.216, "the counter of 24 bits in ms wraps"),
     TWELVE_HOURS,
-    Wrap(86_400.0, "the time of day goes over midnight"),
+    MIDNIGHT,
     Wrap(604_800.0, "the time of the GPS week begins anew"),
     Wrap(4_294_967.296, "the counter of 32 bits in ms wraps"),
 )

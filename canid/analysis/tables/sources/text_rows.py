@@ -6,6 +6,7 @@ as most of the first rows; one more that is empty, behind a last delimiter, does
 
 from __future__ import annotations
 
+import contextlib
 import csv
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -73,12 +74,18 @@ class RowForm(NamedTuple):
             open_ = "unexpected end" in str(error)
             raise ValueError("a quote is open at its end" if open_ else "its quotes are damaged") from None
 
-    def cells_or_none(self, text: bytes) -> list[str]:
-        """The cells of a line; none where it is damaged."""
-        try:
+    def _cells(self, text: bytes) -> list[str]:
+        """The cells of a line; none where its quotes are damaged."""
+        with contextlib.suppress(ValueError):
             return self.cells(text)
-        except ValueError:
-            return []
+        return []
+
+    def names_columns(self, cells: Sequence[str], number: int) -> bool:
+        """Whether a line among the rows names the columns again. Raises ConfigError where it names them otherwise."""
+        columns = _columns_of(cells)
+        if columns and columns not in [_columns_of(self._cells(header)) for header in self.headers]:
+            raise ConfigError(f"line {number} names columns otherwise than the header: cut the file there")
+        return bool(columns)
 
     def wrong(self, cells: Sequence[str]) -> str:
         """Why these are not the cells of a row; "": they are."""
@@ -109,10 +116,7 @@ class RowForm(NamedTuple):
         for k in np.flatnonzero(doubtful).tolist():
             line = block.data[int(begin[k]) : int(block.ends[k])]
             outcome = self._doubtful(line, count)
-            if outcome is not None and (columns := _columns_of(self.cells_or_none(line))):
-                if columns not in [_columns_of(self.cells_or_none(header)) for header in self.headers]:
-                    where = f"line {block.number + k}"
-                    raise ConfigError(f"{where} names columns otherwise than the header: cut the file there")
+            if outcome is not None and self.names_columns(self._cells(line), block.number + k):
                 count.others[HEADERS] += 1
                 outcome = None
             few = len(count.rows_in_words) < MAX_FOOTER_LINES

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from canid.analysis.tables.source import EMPTY, SAMPLE_ROWS, Block, number
+from canid.analysis.tables.source import EMPTY, NO_NUMBER, SAMPLE_ROWS, Block, number
 from canid.analysis.tables.sources.cell_units import units_of, with_units
 from canid.analysis.tables.sources.grouped_numbers import any_by_commas, any_by_points, plain
 from canid.analysis.tables.sources.text_layout import MAX_PREAMBLE_LINES, encoding_of, layout
@@ -122,6 +122,9 @@ class TextSource:
         cells = self._cells(rows) if texts or (numbers and values is None) else []
         if values is None:
             values = self._slow(cells, numbers) if numbers else np.zeros((len(rows.which), 0))
+        if len(numbers) > 1:
+            for k in np.flatnonzero((values == NO_NUMBER).all(axis=1)).tolist():
+                self._form.names_columns(cells[k], int(rows.which[k]))
         columns = [[row[k].strip() if k < len(row) else "" for row in cells] for k in texts]
         return Block(values, columns, rows.which)
 

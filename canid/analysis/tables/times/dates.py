@@ -15,7 +15,7 @@ from canid.io.logs.asc.asc_date_words import MONTHS
 from canid.io.logs.local_time import offset_of
 from canid.values.timestamps import NS_PER_S
 
-_TIME = r"(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}(?:[.,]\d+)?))?(?:\ ?(?P<half>[ap])\.?m\.?)?"
+_TIME = r"(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}(?:[.,]\d+)?))?(?:\ ?(?P<half>[ap])\.?\ ?m\.?)?"
 _DATE = r"""(?:[^\W\d_]{2,9}\.?,?\ )?(?:
     (?P<year>\d{4})(?P<dash>[-/.])(?P<month>\d{1,2})(?P=dash)(?P<day>\d{1,2})
     | (?P<first>\d{1,2})(?P<mark>[-/.\ ])(?P<second>\d{1,2}|[^\W\d_]{3,9}\.?)(?P=mark)(?P<short>\d{4}|\d\d)

@@ -202,7 +202,8 @@ def over_midnight(t: Array, zero: float) -> Clock:
         or _one_piece(kept)
     ):
         paused = np.asarray(np.unwrap(t, period=DAY_S))
-    return Clock(paused, wrap.says if any(anew) else "")
+    over = np.ptp(paused - t) > 1.0 if len(t) else False
+    return Clock(paused, "; ".join([wrap.says] * any(anew) + [clock_wraps.MIDNIGHT.says] * bool(over)))
 
 
 def _one_piece(t: Array) -> bool:
