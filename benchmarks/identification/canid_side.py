@@ -17,6 +17,7 @@ from canid.mathematics.identification.armax import (
     armax_batch,
     armax_recursive,
     box_jenkins_recursive,
+    forgetting_mixture,
     gain_and_delay,
 )
 from canid.mathematics.identification.armax.rates import per_sample, rates
@@ -91,9 +92,22 @@ def recursion(
 
 
 def estimates(state: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return a1 a2 b1 b2 c1 of a recursion, and the (6, 6) covariance with the offset in it."""
-    theta, covariance = armax_recursive.estimate(state)
-    return without_offset(theta), np.asarray(covariance, float)
+    """Return a1 a2 b1 b2 c1 of a recursion, and the (6, 6) covariance with the offset in it.
+
+    The mean of the memories, and the covariance within and between them. A memory counts samples with exponential weights;
+    the variance is that with squared weights, inflated by the autocorrelation of the innovations.
+    """
+    shares = np.array(forgetting_mixture.shares(state.trust))
+    theta = state.theta[:, 0].astype(float)
+    mean = shares @ theta
+    w1, w2 = state.weights
+    root = state.root.astype(float) * np.sqrt(shares * w2 / w1)[:, None, None]
+    moving = state.score[1] > 0.0
+    ratio = float(np.mean(state.score[0][moving] / state.score[1][moving])) if moving.any() else 1.0
+    variance = state.noise.variance * state.law.inflation * max(1.0, ratio)
+    covariance = (root @ root.swapaxes(1, 2)).sum(axis=0) * variance
+    covariance += (shares[:, None] * (theta - mean)).T @ (theta - mean)
+    return without_offset(mean), covariance
 
 
 def process(
