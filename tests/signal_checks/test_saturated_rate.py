@@ -12,6 +12,8 @@ from canid.signals.signal_checks.drive_time import usable
 from canid.signals.signal_checks.whole_drive_limits import with_limits
 from canid.values.types import Trace
 from tests import seeds
+from tests.plants.outside_drives import drawn_drive
+from tests.plants.quoted_intervals import trace
 from tests.signal_checks.synthetic import DT, Array, Columns, following
 
 ROLES = ("pedal", "speed", "gap", "range_rate", "accel")
@@ -136,6 +138,18 @@ def test_a_range_rate_that_bends_near_0_teaches_nothing(kind: str, seed: int) ->
     trace = read(given | {"range_rate": rate, "gap": gap})
     assert BENT in {finding.name for finding in trace.findings if finding.withholds}
     assert not usable(with_limits(trace)).any()
+
+
+@pytest.mark.long("takes a whole drive")
+def test_a_sign_that_most_range_rates_lose_is_a_bend() -> None:
+    """Up to 0.5 m/s, behind a calm lead: no term up to the median shows it."""
+    drive = drawn_drive("acceleration", 1545001, dt=0.1)
+    rate = drive.columns["range_rate"]
+    lost = drive._replace(
+        columns={**drive.columns, "range_rate": np.where(np.abs(rate) < 0.5, np.abs(rate), rate)}
+    )
+    assert BENT in {each.name for each in trace(lost).findings}
+    assert not trace(drive).findings
 
 
 @pytest.mark.long("takes whole drives")

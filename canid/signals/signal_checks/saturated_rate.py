@@ -39,11 +39,14 @@ MIN_STAYS = 4
 SIGMAS = 3.7
 # of the outermost range rate from the mean, what is missing of it at least: scales of radars are good to a few per cent
 MIN_EXCESS = 0.05
-# quantiles of the size of the range rate, up to which the terms of a bend near 0 go; what it has of the standard deviation
-# of the range rate at least: without one 0.7 % at most (6 drives, noise up to three times the usual), and where numbers no
-# longer held from 1.1 % on: dead zones of 0.1 and 0.25 m/s, rounding towards 0, lost signs. Four terms are judged again and
-# again, and what was found stays: where numbers did not hold they were 9 standard deviations or more
-BEND_QUANTILES, MIN_BEND, BEND_SIGMAS = (0.25, 0.5), 0.01, 5.0
+# terms of a bend near 0: quantiles of the size of the range rate, up to which they go, and whether they are odd; the last
+# shows a sign that is lost up to 0.5 m/s where range rates are small
+BEND_TERMS = ((0.25, True), (0.25, False), (0.5, True), (0.5, False), (0.75, False))
+# what a bend has of the standard deviation of the range rate at least: without one 0.7 % at most (6 drives, noise up to
+# three times the usual), and where numbers no longer held from 1.1 % on: dead zones of 0.1 and 0.25 m/s, rounding towards
+# 0, lost signs. Five terms are judged again and again, and what was found stays: where numbers did not hold they were 9
+# standard deviations or more; without a bend the last one is 2.6 at most (72 drives)
+MIN_BEND, BEND_SIGMAS = 0.01, 5.0
 # of the size up to which a term goes, the rest that a line must leave of it
 MIN_TERM = 0.05
 # of a step, the standard deviation of what rounding to it does
@@ -143,23 +146,23 @@ def bend(rate: Array, more: Array) -> Bend | None:
     line = np.stack([np.ones(n), rate[:n]], axis=1)
     if n < CLUSTER * MIN_CLUSTERS or not moved > 0.0:
         return None
-    for below in np.quantile(np.abs(rate), BEND_QUANTILES).tolist():
-        terms = (np.clip(rate[:n], -below, below), 1.0), (np.minimum(np.abs(rate[:n]), below), 0.0)
-        for term, sign in terms:
-            given = np.stack([term, more[:n]], axis=1)
-            x, y = (given - line @ np.linalg.lstsq(line, given)[0]).T
-            square = float(x @ x)
-            if not square > (MIN_TERM * below) ** 2 * n:
-                continue
-            slope = float(x @ y) / square
-            of_cluster = (x * (y - slope * x)).reshape(-1, CLUSTER).sum(axis=1)
-            sd = math.sqrt(float(of_cluster @ of_cluster)) / square
-            size = (slope if sign else abs(slope)) * math.sqrt(square / n)
-            if (
-                size > MIN_BEND * moved
-                and abs(slope) > student_half_width(len(of_cluster) - 3.0, BEND_SIGMAS) * sd
-            ):
-                return Bend(below, size, size / moved)
+    for quantile, odd in BEND_TERMS:
+        below = float(np.quantile(np.abs(rate), quantile))
+        term = np.clip(rate[:n], -below, below) if odd else np.minimum(np.abs(rate[:n]), below)
+        given = np.stack([term, more[:n]], axis=1)
+        x, y = (given - line @ np.linalg.lstsq(line, given)[0]).T
+        square = float(x @ x)
+        if not square > (MIN_TERM * below) ** 2 * n:
+            continue
+        slope = float(x @ y) / square
+        of_cluster = (x * (y - slope * x)).reshape(-1, CLUSTER).sum(axis=1)
+        sd = math.sqrt(float(of_cluster @ of_cluster)) / square
+        size = (slope if odd else abs(slope)) * math.sqrt(square / n)
+        if (
+            size > MIN_BEND * moved
+            and abs(slope) > student_half_width(len(of_cluster) - 3.0, BEND_SIGMAS) * sd
+        ):
+            return Bend(below, size, size / moved)
     return None
 
 
