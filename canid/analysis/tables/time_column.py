@@ -283,7 +283,7 @@ def of_texts(texts: Sequence[str], unit: str | None, name: str) -> Times:
     if clock:
         going = row_clock.over_midnight(t[known], zero * 1e-9)
         t[known] = np.round(going.t * 1e9) * 1e-9
-        note = f"{name}: {going.says}" if going.says else note
+        note = "; ".join(filter(None, (note, f"{name}: {going.says}" if going.says else "")))
     local = not _INTEGER.fullmatch(first) and _ZONE.fullmatch(first) is None
     return Times(t, None if clock or zero < 1e18 else zero, note, zero * 1e-9, local)
 
