@@ -47,11 +47,16 @@ def test_each_answer_belongs_to_its_frame(seed: int, tmp_path: Path, monkeypatch
         [sys.executable, str(script), str(seed)],
         on_truth=lambda n, runs: answers.append((n, None if runs is None else list(runs))),
     )
-    frames = [Frame(0.001 * k, 0, int(k % 7 == 0), b"") for k in range(6000)]
-    for first in range(0, len(frames), 100):
-        running.put(columns_of(frames[first : first + 100]))
+    frames: list[Frame] = []
+    until = time.monotonic() + 120.0
+    # on a busy machine a child starts late, and dies late
+    while (len(frames) < 6000 or not (running.counts().restarts and running.counts().dropped)) and (
+        time.monotonic() < until
+    ):
+        more = [Frame(0.001 * k, 0, int(k % 7 == 0), b"") for k in range(len(frames), len(frames) + 100)]
+        running.put(columns_of(more))
+        frames += more
         time.sleep(0.01)
-    until = time.monotonic() + 60.0
     while sum(n for n, _ in answers) < len(frames) and time.monotonic() < until:
         time.sleep(0.05)
     counts = running.counts()
