@@ -42,6 +42,16 @@ SAID = {
     "Längsbeschleunigung [m/s²]": "accel",
     "Bremse": "brake",
     "Lenkradwinkel": "steering_angle",
+    "швидкість автомобіля (км/год)": "speed",
+    "відносна швидкість (м/с)": "range_rate",
+    "педаль газу (%)": "pedal",
+    "brzina vozila [km/h]": "speed",
+    "relativna brzina [m/s]": "range_rate",
+    "udaljenost do vozila ispred [m]": "gap",
+    "papučica gasa [%]": "pedal",
+    "Ajonopeus (km/h)": "speed",
+    "相对车速(米/秒)": "range_rate",
+    "Speed in kilometers per hour": "speed",
 }
 # each holds words of a role and one that changes the meaning
 OTHER = (

@@ -76,6 +76,18 @@ def test_a_switch_that_is_measured_is_not_used(tmp_path: Path) -> None:
     assert "cruise_active" not in table.columns
 
 
+def test_a_distance_between_two_fronts_is_no_gap(tmp_path: Path) -> None:
+    """It is longer by the length of the vehicle ahead, whatever headway it gives."""
+    given = {"time": T, "speed": SPEED, "front to front distance": 35.0 + 9.0 * ACCEL, "accel": ACCEL}
+    path = tmp_path / "x.csv"
+    rows = [",".join(map(str, row)) for row in zip(*given.values(), 0.1 * ACCEL, strict=True)]
+    path.write_text("\n".join([",".join([*given, "range_rate"]), *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="gap is missing"):
+        open_table(path)
+    path.write_text(path.read_text(encoding="utf-8").replace("front to front ", "", 1), encoding="utf-8")
+    assert "gap = distance" in open_table(path).columns
+
+
 def test_a_gap_in_seconds_is_a_headway_only_if_no_gap_fits(tmp_path: Path) -> None:
     """A gap of 1.5 at 15 m/s is no distance; one of 6 is, although it could be a headway as well."""
     assert "headway = gap" in _table(tmp_path, accel=ACCEL, gap=1.5 + 0.1 * ACCEL).columns

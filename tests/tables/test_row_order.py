@@ -190,3 +190,31 @@ def _cells(path: Path) -> np.ndarray:
     """Stamps and values of a table's frames."""
     parts = list(open_table(path).log.columns())
     return np.concatenate([np.column_stack([part.t, part.data.view("<i8")]) for part in parts])
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_drives_whose_rows_alternate_are_refused(tmp_path: Path, n: int, seed: int) -> None:
+    """The rows of several drivers, sorted by time: each row goes on in the one behind n, not in the next."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(1200) * 0.1
+    level = 30.0 + 6.0 * np.arange(n)[:, None] + 3.0 * np.sin(0.2 * t + rng.uniform(0, 6.0, (n, 1)))
+    rows = [
+        f"{t[k]:.1f},{who},{level[who, k]:.3f},{level[who, k] + 9.0:.3f},{rng.normal():.3f},20.{k % 7}"
+        for k in range(len(t))
+        for who in range(n)
+    ]
+    path = tmp_path / "x.csv"
+    path.write_text("time,participant,speed [km/h],gap,range_rate,pedal\n" + "\n".join(rows) + "\n")
+    with pytest.raises(ConfigError, match=f"several drives or vehicles: {n} rows have each time"):
+        open_table(path)
+
+
+def test_a_clock_of_whole_seconds_is_one_drive(tmp_path: Path, seed: int) -> None:
+    """Ten rows a second go on from row to row."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(1800) * 0.1
+    speed = 80.0 + 9.0 * np.sin(0.4 * t + rng.uniform(0, 6.0))
+    rows = [f"{int(t[k])},{speed[k]:.3f},{speed[k] / 2:.3f},{rng.normal():.3f},20" for k in range(len(t))]
+    path = tmp_path / "x.csv"
+    path.write_text("time,speed [km/h],gap,range_rate,pedal\n" + "\n".join(rows) + "\n")
+    assert any("have the time of the row before" in note for note in open_table(path).notes)

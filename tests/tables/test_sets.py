@@ -275,6 +275,23 @@ def test_times_that_go_on_are_one_drive(tmp_path: Path) -> None:
     assert any("3 episodes by event_id" in note for note in open_table(path).notes)
 
 
+@pytest.mark.parametrize("title", ["case_id", "trial"])
+def test_a_number_that_several_drivers_have_is_no_episode(tmp_path: Path, title: str, seed: int) -> None:
+    """Trials 1 to 3 of each of two drivers: the rows of both would alternate within one episode."""
+    rng = np.random.default_rng(seed)
+    path = tmp_path / "x.csv"
+    rows = [
+        f"{k // 600},{k // 200 % 3},{0.1 * (k % 200):.1f},20,{30 + rng.normal():.3f},0.1,0.2"
+        for k in range(1200)
+    ]
+    head = f"driver,{title},time,speed [km/h],gap,range_rate,accel\n"
+    path.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"one {title}: holds several drives: .* --where"):
+        open_table(path)
+    path.write_text(head + "\n".join(rows[:600]) + "\n", encoding="utf-8")
+    assert any(f"3 episodes by {title}" in note for note in open_table(path).notes)
+
+
 @pytest.mark.parametrize("name", ["waymo", "follownet"])
 def test_episodes_are_used_from_their_first_row_to_their_last(
     tmp_path: Path, drive: Platoon, name: str

@@ -73,7 +73,12 @@ DATES = {
     "two columns, day first": ("Date,Time", "%d/%m/%Y,%H:%M:%S.%L"),
     "two columns, month first": ("Date,Time", "%m/%d/%Y,%I:%M:%S.%L %p"),
     "two columns, the time first": ("Time,Date", "%H:%M:%S.%L,%d-%b-%Y"),
+    "SAS": ("time", "%d%b%Y:%H:%M:%S.%L"),
+    "servers' logs": ("time", "%d/%b/%Y:%H:%M:%S.%L"),
+    "ordinal, of telemetry": ("time", "%Y:%j:%H:%M:%S.%L"),
+    "ordinal, without marks": ("time", "%Y%jT%H:%M:%S.%L"),
     "clock": ("time", "%H:%M:%S.%L"),
+    "clock behind the day of the year": ("time", "%j:%H:%M:%S.%L"),
     "clock of 12 hours": ("time", "%I:%M:%S.%L %p"),
     "the date of the first row in all rows": ("Date,Time", "2026-08-05,%H:%M:%S.%L"),
 }
@@ -235,6 +240,26 @@ def test_times_with_a_zone_have_no_summer_time(tmp_path: Path, zone: str, seed: 
     written = at("%Y-%m-%dT%H:%M:%S.%L" + zone, start)
     table = opened(tmp_path / "x.csv", "time", rows, lambda t: written(t + (t >= 100.0) * 3600.0))
     assert last(table) == pytest.approx(rows[-1][0] + 3600.0)
+
+
+@pytest.mark.parametrize(
+    ("zone", "hours"),
+    [
+        (" CET", 1),
+        (" EST", -5),
+        (" GMT+1", 1),
+        ("+01", 1),
+        (" (UTC)", 0),
+        ("+01:00[Europe/Berlin]", 1),
+        (" CST", None),
+    ],
+)
+def test_the_zone_behind_a_date_is_used(tmp_path: Path, zone: str, hours: int | None, seed: int) -> None:
+    """The start in UTC; a name of several zones is said not to be known. No zone has a summer time of its own."""
+    start = datetime(2026, 3, 29, 1, 58, 20, tzinfo=UTC)
+    table = opened(tmp_path / "x.csv", "time", drive(seed), at("%Y-%m-%d %H:%M:%S.%L" + zone, start))
+    assert table.log.start_utc == (start - timedelta(hours=hours or 0)).timestamp()
+    assert any('offset the zone "CST" has is not known' in note for note in table.notes) == (hours is None)
 
 
 def last(table: Table) -> float:

@@ -64,8 +64,14 @@ def test_seconds_with_a_pause_are_no_hhmmss(tmp_path: Path, seed: int) -> None:
     assert last(table) == pytest.approx(rows[-1][0])
 
 
-def test_a_minus_of_typography_is_a_minus(tmp_path: Path, seed: int) -> None:
-    rows: _Drive = [(t, cells.replace("-", "\N{MINUS SIGN}")) for t, cells in drive(seed)]
+# hyphens, dashes and minus signs of Unicode, and a blank behind the minus
+_MINUS = ["\u2010", "\u2011", "\u2012", "\u2013", "\u2014", "\N{MINUS SIGN}", "\ufe63", "\uff0d", "- "]
+
+
+@pytest.mark.parametrize("minus", _MINUS)
+def test_a_minus_of_typography_is_a_minus(tmp_path: Path, seed: int, minus: str) -> None:
+    """Half of the range rates would be left out, those of one sign."""
+    rows: _Drive = [(t, cells.replace("-", minus)) for t, cells in drive(seed)]
     table = opened(tmp_path / "x.csv", "time", rows, lambda t: f"{t:.1f}")
     plain = opened(tmp_path / "y.csv", "time", drive(seed), lambda t: f"{t:.1f}")
     assert not [note for note in table.notes if "no unit is stated" not in note]

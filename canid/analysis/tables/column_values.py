@@ -59,9 +59,8 @@ def in_order(
         return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""
     raw = times.t if place in texts or by_role[TIME].rest else clean(table.numbers[place])
     order, late = row_order.by_time(raw)
-    note = ""
+    note, choose = "", f"split it, or {says.rows}"
     if order is not None:
-        choose = f"split it, or {says.rows}"
         if "vehicle_id" not in by_role:
             row_order.check(raw, table, values, order, name, choose)
         table = row_order.taken(table, order)
@@ -69,7 +68,7 @@ def in_order(
         times = times_of(by_role, by, table, texts, name)
         columns = [clean(table.numbers[column]) for column in values if column in table.numbers]
     column = by_role[TIME].entry.names[0]
-    again = row_order.repeated(times.t, columns, f"{name}: {column}", says.counted)
+    again = row_order.repeated(times.t, columns, f"{name}: {column}", says.counted, choose)
     return times._replace(note="; ".join(filter(None, (times.note, again)))), table, note
 
 

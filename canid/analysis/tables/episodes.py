@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from canid.analysis.tables import column_values, row_order, rows, time_column
 from canid.analysis.tables.column_map import ColumnMap
-from canid.analysis.tables.headings import HEADWAY
+from canid.analysis.tables.headings import HEADWAY, IDS, TIME
 from canid.analysis.tables.lead_rows import Others, by_id
 from canid.analysis.tables.resolution import Found
 from canid.analysis.tables.source import clean
@@ -78,6 +78,8 @@ def stacked(
     code = codes(columns)
     if roles == ("episode",) and not by.entries and not begins_anew(times.t, code):
         return None
+    if roles == ("episode",):
+        _one_drive_each(times.t, code, by_role, table, name)
     order, t = in_turn(times.t, code)
     lengths = np.array(
         [np.ptp(part) for part in np.split(t, _joints(code[order])) if np.isfinite(part).any()]
@@ -88,6 +90,17 @@ def stacked(
         f"estimate over all, {np.nansum(lengths):,.0f} s; between them pauses of {PAUSE_S:g} s were put"
     )
     return Stacked(row_order.taken(table, order), time_column.Times(t, None, times.note), code[order], note)
+
+
+def _one_drive_each(t: Array, code: _Ints, by_role: Mapping[str, Found], table: rows.Rows, name: str) -> None:
+    """Refuse an id that stands for several drives, as the number of a trial that each subject has."""
+    places = [column.place for role, column in by_role.items() if role not in (TIME, *IDS)]
+    title = by_role["episode"].entry.names[0].strip()
+    for part in np.split(np.argsort(code, kind="stable"), np.cumsum(np.bincount(code))[:-1]):
+        order, _ = row_order.by_time(t[part])
+        if order is not None:
+            rows_of_one, choose = row_order.taken(table, part), "select the rows of one with --where"
+            row_order.check(t[part], rows_of_one, places, order, f"{name}: one {brief(title)}", choose)
 
 
 def codes(columns: Sequence[Array | list[str]]) -> _Ints:

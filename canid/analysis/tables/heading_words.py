@@ -6,7 +6,7 @@ position" stand for nothing. The names of `headings.ALIASES` come first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import lru_cache
 
 # what a word stands for; "": it adds nothing
@@ -17,7 +17,7 @@ _WORDS: dict[str, str] = {
         "delle il lo veicolo auto misurata to do da veiculo het tot voertuig data field msg fzg vehicules veiculos "
         "vehiculos vozidla pojazdu pojazdow fordon автомобиля ao dal ajoneuvon auton jarmu autoe arac araca aracın "
         "autovehicul autovehiculului till til kjøretøy bilens bil 車両 车辆 차량 απο οχημα οχηματος 与 的 az との che "
-        "vehiculaire vehiculaires",
+        "vehiculaire vehiculaires vozila авто автомобіля",
     "between": "inter between entre zwischen tra mezi miedzy mellan между 间 間",
     "own": "own ego host self subject sv fv fav follower foll eigen eigenes eigene propre propio propia proprio "
         "propria oma sajat kendi propriu egen 自車 自车 本车 本車",
@@ -25,30 +25,32 @@ _WORDS: dict[str, str] = {
         "vorausfahrendes vorausfahrender voraus vorder precedent precedente delantero davanti devant frente "
         "voorligger poprzedzajacego framforvarande переднего лидера edella ajavaan edeltavaan elol halado haladohoz "
         "ondeki ondekine forankjørende forankørende 先行車 前車 前车 目标车 선행 앞차 선행차 leder lider precede haladotol "
-        "poprzedzajacego 前方車両 前方车辆",
-    "relative": "relative rel relativ relativa relativo relatieve wzgledna relativni относительная "
+        "poprzedzajacego 前方車両 前方车辆 ispred prednjeg попереднього",
+    "relative": "relative rel relativ relativa relativo relatieve wzgledna relativni относительная відносна relativna "
         "suhteellinen bagıl goreli relatif sxetikh σχετικη 相対 相对 상대",
     "difference": "difference diff differenz kulonbseg ero roznica diferencia diferenca differenza delta",
     "closing": "closing approach approaching annaherungs annaherung rapprochement acercamiento avvicinamento",
     "speed": "speed velocity velo vel v spd geschwindigkeit vitesse velocidad velocita velocidade snelheid geschw "
-        "predkosc hastighet hastighed rychlost скорость nopeus sebesseg hız hızı viteza ταχυτητα 速度 車速 车速 속도 차속",
+        "predkosc hastighet hastighed rychlost скорость nopeus ajonopeus brzina швидкість sebesseg hız hızı viteza "
+        "ταχυτητα 速度 車速 车速 속도 차속",
     "rate": "rate",
     "distance": "distance dist d space distanz distancia distanza odległosc vzdalenost дистанция расстояние etaisyys "
-        "tavolsag mesafe mesafesi distanta αποσταση 距離 距离 거리",
+        "tavolsag mesafe mesafesi distanta udaljenost відстань дистанція αποσταση 距離 距离 거리",
     "gap": "gap range clearance abstand lucke interdistance afstand avstand odstep valimatka koveto kovetesi takip 車間 "
-        "车间 차간 车间距 车距 跟车距离",
-    "acceleration": "acceleration accel a beschleunigung aceleracion accelerazione aceleracao przyspieszenie "
+        "razmak 车间 차간 车间距 车距 跟车距离",
+    "acceleration": "acceleration accel a ubrzanje beschleunigung aceleracion accelerazione aceleracao przyspieszenie "
         "zrychleni acceleratie ускорение kiihtyvyys gyorsulas ivme akselerasjon επιταχυνση 加速度 가속도 прискорення",
     "along": "longitudinal longit langs longitudinale",
     "accelerator": "accelerator gas fahrpedal gaspedal accelerateur acelerador acceleratore gazu plynovy газа speeder "
-        "kaasu gaz gass 油门 加速 アクセル γκαζιου 가속 акселератора kaasupolkimen kaasupoljin",
-    "pedal": "pedal pedale pedaal pedał педаль педали poljin pedalı pedala πενταλ pdl 踏板 ペダル 페달 pedału polkimen",
+        "kaasu gaz gass gasa газу 油门 加速 アクセル γκαζιου 가속 акселератора kaasupolkimen kaasupoljin",
+    "pedal": "pedal pedale pedaal pedał педаль педали poljin pedalı pedala πενταλ pdl 踏板 ペダル 페달 "
+        "pedału polkimen papucica",
     "place": "position pos stellung winkel posicion posizione asento allas konumu pozitia θεση 開度 开度 位置 개도 "
         "połozenie posicao",
     "brake": "brake braking bremse brems frein freno jarru fek fren frana φρενο ブレーキ 制动 브레이크",
     "switch": "switch pressed active on light state status schalter licht betatigt aktiv",
     "time": "time t zeit uhrzeit zeitstempel temps tiempo tempo tijd czas tid cas время aika ido zaman timp χρονος 時間 "
-        "時刻 时间 経過 시간",
+        "vrijeme vreme час 時刻 时间 経過 시간",
     "stamp": "stamp stempel belyeg",
     "headway": "headway",
     "satellite": "gps gnss",
@@ -108,9 +110,8 @@ def role_in_words(name: str) -> str | None:
         (None, None)
     """
     words = name.split("_")
-    # "front to front" is between two fronts, and a radar measures speeds of others
-    twice = len({*words}) < len(words) and {"front", "rear"} & {*words}
-    meanings = None if twice else _meanings(words)
+    meanings = _meanings(words)
+    # a radar measures speeds of others
     role = None if meanings is None else _BY_MEANING.get(frozenset(meanings - {"along"}))
     return None if role in ("speed", "accel") and {"radar", "lidar"} & {*words} else role
 
@@ -129,7 +130,7 @@ def undecided_in_words(name: str) -> str:
     """What the words leave open: "distance" (of what), or "difference" (of two speeds, of either sign); "": nothing.
 
     Example:
-        >>> [undecided_in_words(name) for name in ("vzdalenost", "geschwindigkeitsdifferenz", "distance_to_center")]
+        >>> [undecided_in_words(name) for name in ("vzdalenost", "geschwindigkeitsdifferenz", "front_to_front_distance")]
         ['distance', 'difference', '']
     """
     meanings = (_meanings(name.split("_")) or set()) - {"lead", "own"}
@@ -153,8 +154,10 @@ def says_accelerator(name: str) -> bool:
     return bool({"throttle", "accelerator", "pedal"} & meanings) and not {"brake", "clutch"} & meanings
 
 
-def _meanings(words: Iterable[str]) -> set[str] | None:
-    """All meanings; None: a word has none."""
+def _meanings(words: Sequence[str]) -> set[str] | None:
+    """All meanings; None: a word has none, or they are of two places, as "front to front"."""
+    if len({*words}) < len(words) and {"front", "rear"} & {*words}:
+        return None
     out = set[str]()
     for word in words:
         parts = _parts(word)

@@ -69,7 +69,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap", "车头时距"),
     "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
-    "episode": ("episode_id", "trajectory_id", "traj_id", "case_id", "event_id", "trip_id", "run_id", "segment_id"),
+    "episode": ("drive", "drive_id", "trial", "trial_id", "session", "session_id", "scenario_id",
+                "episode_id", "trajectory_id", "traj_id", "case_id", "event_id", "trip_id", "run_id", "segment_id"),
     "brake": ("brake_pressed", "brake_pedal", "brake_switch", "braking", "brake_active"),
     "steering_assist": ("lka_active", "lkas_active", "lane_assist", "lane_assist_active", "steer_assist"),
     "cruise_active": ("acc_active", "cruise", "cruise_control", "acc", "acc_on", "cruise_enabled", "cruise_on"),
@@ -152,8 +153,10 @@ def heading(text: str) -> Heading:
     if match is not None and match["name"]:
         unit = (match["square"] if match["square"] is not None else match["round"]).strip().strip("-") or None
         plain = match["name"]
-    elif (parts := plain.rpartition(","))[0] and unit_of(parts[2]) is not None:
-        plain, unit = parts[0], parts[2].strip()
+    else:
+        for mark in (",", " in "):
+            if (parts := plain.rpartition(mark))[0] and unit_of(parts[2]) is not None:
+                plain, unit = parts[0], parts[2].strip()
     name = _name(plain)
     if unit is not None and (longer := _name(f"{plain} {unit}")) != name and longer in _NAMED:
         return Heading(text, longer, None)  # "Speed (GPS)"

@@ -162,6 +162,8 @@ def _by_heading(
             first, *others = [brief(named_apart(place, parsed)) for place in chosen]
             notes.append(f"{role}: taken from {first}; there is {several(others)} as well")
             chosen = chosen[:1]
+        if len(chosen) > 1 and role == "episode":
+            continue  # a drive is what they say together
         if len(chosen) > 1:
             same = [named_apart(place, parsed) for place in chosen]
             raise ConfigError(

@@ -18,6 +18,9 @@ _Order = npt.NDArray[np.int64]
 _CONTRADICTING_SHARE, _CONTRADICTING_ROWS = 0.01, 3
 # share of the rows from which on times that are repeated are said: two rows for each time
 _REPEATED_SHARE = 0.4
+# of the median step to the next row, up to which that to the row of the next time shows rows of several: n rows of one
+# clock of whole seconds go n times as far there
+_ALTERNATES = 0.5
 # rows of a stretch in order, and its share that another one covers, from which two stretches with the same columns are two
 # drives whose times begin anew: loggers write buffers of some rows, which overlap a little
 _STRETCH_ROWS, _COVERED_SHARE = 50, 0.5
@@ -82,14 +85,21 @@ def taken(rows: Rows, order: _Order) -> Rows:
     )
 
 
-def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str) -> str:
+def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str, choose: str = "") -> str:
     """A sentence where most rows have the time of the row before and another value of the same columns.
+
+    Of a clock of whole seconds a row goes on in the next. Where it goes on in the row of the next time instead, rows of
+    several drives or vehicles alternate.
 
     Args:
         t: (n,) s, in order.
         columns: (n,) each, measured values.
         name: of the column of times.
         remedy: what to do.
+        choose: what to do with rows of several.
+
+    Raises:
+        ConfigError: the rows are of several.
 
     Example:
         >>> t, value = np.repeat([0.0, 1.0], 5), np.arange(10.0)
@@ -104,10 +114,20 @@ def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str) -> str:
     n = int(twice.sum())
     if n <= _REPEATED_SHARE * len(t):
         return ""
+    each = round(len(t) / (len(t) - int(again.sum())))
+    if any(_alternates(column, again, each) for column in columns):
+        raise ConfigError(f"{name}: several drives or vehicles: {each} rows have each time; {choose}")
     return (
         f"{name}: {n:,} of {len(t):,} rows have the time of the row before, and are not used: write fractions of a "
         f"second{remedy}"
     )
+
+
+def _alternates(x: Array, again: npt.NDArray[np.bool_], each: int) -> bool:
+    """Whether a value goes on in the row of the next time, and not in the next row of its own time."""
+    within, across = np.abs(np.diff(x))[again], np.abs(x[each:] - x[:-each])
+    known = np.isfinite(within).any() and np.isfinite(across).any()
+    return bool(known and np.nanmedian(across) < _ALTERNATES * np.nanmedian(within))
 
 
 def check(t: Array, rows: Rows, places: Sequence[int], order: _Order, name: str, choose: str) -> None:

@@ -40,7 +40,9 @@ NO_VALUE = (
     "void",
 )
 
-_NEGATIVE = re.compile(r"^(?:\(([\d.]+)\)|([\d.]+)-)$")
+_NEGATIVE = re.compile(r"^(?:\(([\d.]+)\)|([\d.]+)-|- +([\d.].*))$")
+# hyphens, dashes and minus signs of Unicode, and the dash of Windows read as Latin-1
+_MINUS = str.maketrans(dict.fromkeys("\u2010\u2011\u2012\u2013\u2014\u2212\ufe63\uff0d\x96", "-"))
 
 
 class Block(NamedTuple):
@@ -79,10 +81,10 @@ def number(text: str) -> float:
         >>> number("(1.25)"), number("1.25-")  # as accounts write negative numbers
         (-1.25, -1.25)
     """
-    text = text.strip().replace("\N{MINUS SIGN}", "-")
+    text = text.strip().translate(_MINUS)
     if not text:
         return EMPTY
-    text = _NEGATIVE.sub(r"-\1\2", text)
+    text = _NEGATIVE.sub(r"-\1\2\3", text)
     try:
         return float(text) if "_" not in text else NO_NUMBER
     except ValueError:

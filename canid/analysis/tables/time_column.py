@@ -55,7 +55,9 @@ _SINCE_1904 = 3.4e9, 2_082_844_800
 _INTEGER = re.compile(r"-?\d{1,19}")
 _TICK = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)? ?([^\W\d]{1,12})")
 # a zone at the end of a date
-_ZONE = re.compile(r".*(?:Z|UTC|GMT|:\d\d(?:[.,]\d+)? ?[+-]\d\d:?\d\d)")
+_ZONE = re.compile(
+    r".*(?:Z|UTC|GMT|\d ?[A-Z]{2,4}T|MSK|MES?Z|:\d\d(?:[.,]\d+)? ?(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?)\)?(?:\[.{1,40}\])?"
+)
 # a date and a time of day in digits alone
 _DIGITS = re.compile(
     r"(?P<date>(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:[0-2]\d|3[01]))[_T -]?(?P<time>(?:[01]\d|2[0-3])[0-5]\d[0-6]\d)"

@@ -17,6 +17,11 @@ from canid.values.errors import ConfigError
 
 VARIABLE = "CANID_TIME_ZONE"
 _OFFSET = re.compile(r"(?:UTC|GMT)?([+-])(\d{1,2}):?(\d\d)?", re.IGNORECASE)
+# names that stand for one offset: RFC 5322, 4.3, and Europe; CST, IST and BST are those of several countries
+_NAMES = {
+    "EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2,
+    "MEZ": 1, "MESZ": 2, "EET": 2, "EEST": 3, "MSK": 3, "JST": 9, "KST": 9, "UTC": 0, "GMT": 0, "Z": 0,
+}  # fmt: skip
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 # of a file whose bytes do not say whether its start is local time or UTC
 UNSTATED = (
@@ -31,12 +36,16 @@ NAMED = (
 
 
 def offset_of(text: str) -> datetime.timezone | None:
-    """The zone of an offset to UTC in hours and minutes; None: it is none, or of a day and more.
+    """The zone of an offset to UTC in hours and minutes, or of a name that has one; None: it is none, or of a day and more.
 
     >>> str(offset_of("+08:00")), str(offset_of("-0330")), offset_of("+25:00"), offset_of("Europe/Berlin")
     ('UTC+08:00', 'UTC-03:30', None, None)
+    >>> str(offset_of("CEST")), offset_of("CST")
+    ('UTC+02:00', None)
     """
     match = _OFFSET.fullmatch(text)
+    if (hours := _NAMES.get(text.upper())) is not None:
+        return datetime.timezone(datetime.timedelta(hours=hours))
     if match is None:
         return None
     minutes = int(match[2]) * 60 + int(match[3] or 0)

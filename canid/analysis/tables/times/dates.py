@@ -21,8 +21,8 @@ _DATE = r"""(?:[^\W\d_]{2,9}\.?,?\ )?(?:
     | (?P<first>\d{1,2})(?P<mark>[-/.\ ])(?P<second>\d{1,2}|[^\W\d_]{3,9}\.?)(?P=mark)(?P<short>\d{4}|\d\d)
     | (?P<name>[^\W\d_]{3,9})\.?\ (?P<named>\d{1,2}),?\ (?P<long>\d{4})
     )"""
-# CEST and other names say no offset: as without a zone
-_ZONE = r"(?:\ ?(?P<zone>(?:UTC|GMT)?[+-]\d\d:?\d\d|UTC|GMT|Z|[A-Z]{2,4}T))?"
+# a name may say no offset, see `offset_of`; an offset may have the name of its place behind it (java.time)
+_ZONE = r"(?:\ ?\(?(?P<zone>(?:UTC|GMT)?[+-]\d\d?(?::?\d\d)?|UTC|GMT|Z|[A-Z]{2,4}T|MES?Z|MSK)\)?(?:\[[\w/+-]{1,40}\])?)?"
 # as spreadsheets show times of less than an hour, and lap timers: minutes, seconds and a fraction
 _MINUTES = re.compile(r"(?P<m>\d{1,4}):(?P<s>[0-5]\d[.,]\d+)")
 _CLOCK = re.compile(_TIME, re.VERBOSE | re.IGNORECASE)
@@ -33,14 +33,18 @@ _USUAL: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...]
         re.compile(r"(?:\w{3},? )?(\w{3}) {1,2}(\d{1,2}) (\d\d:\d\d:[\d.,]{2,12})( [^\d ]\S{0,9})? (\d{4})"),
         r"\1 \2 \5 \3\4",
     ),
+    # SAS, and servers' logs: 09MAR2026:08:15:04, 09/Mar/2026:08:15:04
+    (re.compile(r"^(\d\d)(/?)([^\W\d_]{3})\2(\d{4}):(?=\d\d:)"), r"\1-\3-\4 "),
     (re.compile(r"(\d{4})[年년] ?(\d{1,2})[月월] ?(\d{1,2})[日일]"), r"\1-\2-\3"),
     (re.compile(r"(\d{1,2})[時时시] ?(\d{1,2})[分분] ?(\d{1,2}(?:\.\d+)?)[秒초]"), r"\1:\2:\3"),
     (re.compile(r"^(\d{4})\. ?(\d{1,2})\. ?(\d{1,2})\. (?=\d)"), r"\1.\2.\3 "),
     (re.compile(r"^(\d{1,3}:[0-5]\d):(\d{3})$"), r"\1.\2"),
-    # an ordinal date (ISO 8601), as 2026-217
+    # an ordinal date (ISO 8601), as 2026-217, 2026217T08:15 and, of telemetry, 2026:217:08:15:04
     (
-        re.compile(r"^([12]\d{3}-)(00[1-9]|0[1-9]\d|[12]\d\d|3[0-5]\d|36[0-6])(?=[T ]|$)"),
-        lambda match: f"{datetime.strptime(match[0], '%Y-%j'):%Y-%m-%d}",
+        re.compile(
+            r"^([12]\d{3})(?:-?(?=\d{3}[T ])|-(?=\d{3}$)|:(?=\d{3}:))(00[1-9]|0[1-9]\d|[12]\d\d|3[0-5]\d|36[0-6])(?:[T :]|$)"
+        ),
+        lambda match: f"{datetime.strptime(match[1] + match[2], '%Y%j'):%Y-%m-%d} ",
     ),
     (re.compile(r"(:\d\d?:\d\d?):(\d{3})\b"), r"\1.\2"),
 )
@@ -48,8 +52,8 @@ _USUAL: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...]
 _MILLISECONDS = re.compile(r"(?P<rest>.*:\d{1,2}:\d{1,2})(?P<mark>[.:,])(?P<ms>\d{1,3})")
 _MIN_BACK = 3
 _MAX_PICTURES = 60
-# a time since a start, as pandas and Python write it
-_SINCE = re.compile(r"\+?(\d{1,5}) days?,? (.+)")
+# a time since a start, as pandas and Python write it, or the day of an unstated year, 068:08:15:04
+_SINCE = re.compile(r"\+?(\d{1,5}(?= day)|\d{3}(?=[:/]\d\d:\d\d:\d\d))(?: days?,? |[:/])(.+)")
 _DAY_NS = 86_400 * NS_PER_S
 _EPOCH = date(1970, 1, 1).toordinal()
 # which of its three numbers may be first
@@ -79,13 +83,19 @@ def of_texts(texts: Sequence[str]) -> Dates:
         [1785949023.0, 1785956223.125]
     """
     cells = [_WRITTEN.fullmatch(_usual(text)) for text in texts]
+    zone = next((cell["zone"] for cell in cells if cell and cell["zone"]), "")
+    unknown = (
+        ""
+        if not zone or offset_of(zone)
+        else f'which offset the zone "{zone}" has is not known: taken as UTC'
+    )
     readings = {order: [_ns(cell, order) for cell in cells] for order in _ORDERS}
     readings = {
         order: ns for order, ns in readings.items() if order == "day" or ns != readings["day"]
     }  # of four digits the year is at one end
     first = next((k for k, read in enumerate(zip(*readings.values(), strict=True)) if len({*read}) > 1), None)
     if first is None:
-        return Dates(readings["day"], "")
+        return Dates(readings["day"], unknown)
     example = texts[first].strip()
     holes = {order: ns.count(None) for order, ns in readings.items()}
     possible = [order for order in readings if holes[order] == min(holes.values())]
@@ -110,7 +120,7 @@ def of_texts(texts: Sequence[str]) -> Dates:
         says += (
             f' first, as "{texts[shown[0]].strip()}" shows' if shown else " first, as all rows together show"
         )
-    return Dates(ns, says)
+    return Dates(ns, "; ".join(filter(None, (says, unknown))))
 
 
 def with_zeros(texts: Sequence[str]) -> Sequence[str]:
@@ -157,7 +167,7 @@ def _usual(text: str) -> str:
     text = text.strip()
     for form, usual in _USUAL:
         text = form.sub(usual, text)
-    return text
+    return text.rstrip()
 
 
 def is_date(text: str) -> bool:

@@ -86,7 +86,7 @@ def _parsed(text: str) -> _Parsed | None:
     before, behind = text[: clock.start()], text[clock.end() :]
     offset = None
     if stated := _OFFSET.match(behind):
-        offset, behind = local_time.offset_of("+0" if stated[1] == "z" else stated[1]), behind[stated.end() :]
+        offset, behind = local_time.offset_of(stated[1]), behind[stated.end() :]
         if offset is None:
             return None
     # a "T" between the date and the time

@@ -86,7 +86,7 @@ class Clock:
             return self._continued(
                 ((hour * 60 + minute) * 60 + second) * timestamps.NS_PER_S + fraction, _DAY_NS
             )
-        zone = self._zone if match[11] is None else offset_of("+0" if match[11] == "Z" else match[11])
+        zone = self._zone if match[11] is None else offset_of(match[11])
         self.dated = True
         return _epoch(year, month, day, (hour, minute, second), zone) + fraction
 
