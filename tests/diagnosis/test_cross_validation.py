@@ -65,10 +65,13 @@ def test_a_true_cause_carries_over(plant: object) -> None:
 def test_a_model_knows_nothing_of_the_samples_that_it_is_held_against(seed: int) -> None:
     """With a cause and without it, noise included: the other folds' likelihood is at its maximum, from any start."""
     of = ended_with(ASYMMETRY, follower(seed, 0.0, asymmetry=0.35, slow_noise=SLOW_NOISE))
-    for solved in (of.baseline, of.solved):
-        for fit, k in zip(
-            held_out.models(of.data, solved, driver_search.again), range(held_out.FOLDS), strict=True
-        ):
+    folds = held_out_folds(of)
+    for solved, fits in (
+        (of.baseline, held_out.models(of.data, of.baseline, driver_search.again)),
+        (of.baseline, [fold.base for fold in folds]),
+        (of.solved, [fold.extended for fold in folds]),
+    ):
+        for k, fit in enumerate(fits):
             train = solved.rows & (held_out.dealt(of.data) != k)
             assert np.array_equal(fit.rows, train)
             better = solve(of.data, fit.model, fit.q, fit.noise, train)

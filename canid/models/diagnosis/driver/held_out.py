@@ -74,15 +74,11 @@ def folds(original: D, search: CauseSearch[D, M], again: Again[D, M]) -> tuple[F
         search: what was found on it.
         again: searches an effect.
     """
-    fold = dealt(original)
+    bases = models(original, search.baseline, again)
+    if not search.named:
+        return tuple(Fold(base, base, None) for base in bases)
     out = []
-    for k in range(FOLDS):
-        train = fold != k
-        base = refitted(original, search.baseline, train)
-        if not search.named:
-            out.append(Fold(base, base, None))
-            continue
-        extended = searched(search.data, search.solved, train, again)
+    for base, extended in zip(bases, models(search.data, search.solved, again), strict=True):
         drift = None
         if search.random_walk is not None:
             # only a driver who follows a lead has one
