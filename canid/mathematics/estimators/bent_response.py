@@ -19,7 +19,7 @@ import numpy as np
 
 from canid.mathematics.estimators import agreement, plausibility
 from canid.mathematics.estimators.step_watch import Window
-from canid.mathematics.identification import first_order, lead_anticipation
+from canid.mathematics.identification import lead_anticipation
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.fopdt import answer_columns, gain_step
 from canid.mathematics.identification.fopdt.answer_columns import Columns
@@ -30,7 +30,7 @@ from canid.values.types import NAN, TASK_INPUTS, Array, Channel, Estimate, Inter
 
 # s after which what was seen of a bend has faded to 1/e: habits change over minutes (Chen & Ulsoy 2001)
 MEMORY_S = 600.0
-# share of a window that must be usable
+# share of a window that must be usable, and in which the lead's speed must be known
 USABLE_SHARE = 0.75
 # m/s; slower relative motion is not seen at usual gaps (Todosiev 1963; Wiedemann 1974)
 ZONE_MPS = 0.8
@@ -53,8 +53,6 @@ TYPICAL = (0.7, 0.3, 0.7)
 POWER = np.array([False, False, True])
 # of each cause against none, before the drive: all that are tested are together as likely as none
 PRIOR_ODDS = 1.0 / (len(BENDS) + 1)
-# share of the window in which gap and lead must be measured
-MEASURED_SHARE = 0.5
 
 
 class Evidence(NamedTuple):
@@ -84,15 +82,15 @@ def learn(evidence: Evidence, fit: ProcessFit, window: Window, seen: Array) -> E
     if made is None:
         return evidence
     rate, step = np.nan_to_num(window.rows[:, 3]), window.layout.step
-    tau, dead_time = at.tau[1] / step, at.dead_time[1] / step
-    gap, speed = seen
-    gap, compared = _joined(gap[-len(rate) :]), _measured(speed[-len(rate) :])
-    bends = np.array([at.K[1] * _answer(added(rate, gap), tau, dead_time) for added in BENDS])
-    columns = np.vstack([bends * usable, raw])
+    # at this gap nothing depends on it
+    gap, speed = np.nan_to_num(seen[0, -len(rate) :], nan=GAP_M), seen[1]
+    delays = at.tau[1:], at.dead_time[1:]
+    bends = np.vstack([lead_anticipation.answers(added(rate, gap), *delays, step) for added in BENDS])
+    columns = np.vstack([at.K[1] * bends * usable, raw])
     values, _ = answer_columns.white(columns, usable, at, window.output_filter, step)
     sums, until = _scores(made, values[: len(BENDS)], float(at.K[1])), window.t
     ahead = np.zeros_like(Evidence().ahead)
-    if compared:
+    if np.isfinite(speed).mean() >= USABLE_SHARE:
         accel = lead_anticipation.lead_acceleration(speed, step)
         ahead = lead_anticipation.compare(window.layout, window.rows, at, made, accel, window.output_filter)
     usable_s = float(usable.sum()) * step
@@ -105,26 +103,6 @@ def learn(evidence: Evidence, fit: ProcessFit, window: Window, seen: Array) -> E
     sums.setflags(write=False)
     ahead.setflags(write=False)
     return Evidence(sums, ahead, until)
-
-
-def _measured(x: Array) -> bool:
-    return bool(np.isfinite(x).mean() >= MEASURED_SHARE)
-
-
-def _joined(gap: Array) -> Array:
-    """Join what is missing of a gap (n,) by lines; where too much is, all is `GAP_M`, at which nothing depends on it."""
-    known = np.flatnonzero(np.isfinite(gap))
-    if not _measured(gap):
-        return np.full(len(gap), GAP_M)
-    return np.asarray(np.interp(np.arange(len(gap)), known, gap[known]), float)
-
-
-def _answer(u: Array, tau: float, dead_time: float) -> Array:
-    """Answer (n,) of first order and unit gain after a dead time, both in rows."""
-    alpha = math.exp(-1.0 / tau)
-    middle = 0.5 * (u + np.r_[u[0], u[:-1]]) - u[0]
-    answer = u[0] + first_order.scan((1.0 - alpha) * middle, np.array([alpha]))
-    return np.asarray(np.interp(np.arange(len(u)) - dead_time, np.arange(len(u)), answer), float)
 
 
 def _scores(made: Columns, bends: Array, gain: float) -> Array:

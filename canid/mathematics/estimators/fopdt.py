@@ -169,10 +169,9 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
     """Why a restored state is not of this setup."""
     if state.window.ndim != 2 or any(len(row) != 5 + len(setup.input_names) for row in state.recent):
         yield "the window of fopdt has another shape"
-    if state.seen.ndim != 2 or state.seen.shape[1] != 2:
-        yield "what fopdt has seen of the lead has another shape"
     nothing = bent_response.Evidence()
-    if (state.bends.sums.shape, state.bends.ahead.shape) != (nothing.sums.shape, nothing.ahead.shape):
+    bends = state.bends.sums.shape, state.bends.ahead.shape, state.seen.shape[1:]
+    if bends != (nothing.sums.shape, nothing.ahead.shape, (2,)):
         yield "the bends of fopdt have another shape"
 
 

@@ -10,7 +10,6 @@ noise model: in a loop, a noise model that has taken up a part of the response b
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from canid.mathematics.identification import autoregression, first_order
 from canid.mathematics.identification.fopdt import answer_columns, reduced_basis, row_noise
@@ -24,9 +23,8 @@ AHEAD_S = np.array([0.0, 0.3, 0.6, 1.0, 1.5])
 _density = np.exp(-0.5 * AHEAD_S[1:] ** 2)
 PRIOR = _density / _density.sum()
 # s; lags and dead times of the response, every lag with every dead time
-TAU, DEAD_TIME = (
-    x.ravel() for x in np.meshgrid([0.05, 0.15, 0.3, 0.55, 1.0], [0.0, 0.15, 0.3, 0.5, 0.75, 1.0])
-)
+LAGS, DEAD_TIMES = np.array([0.05, 0.15, 0.3, 0.55, 1.0]), np.array([0.0, 0.15, 0.3, 0.5, 0.75, 1.0])
+TAU, DEAD_TIME = (x.ravel() for x in np.meshgrid(LAGS, DEAD_TIMES))
 # s, and of its logarithm: lag and dead time together before the drive, as times to react to a lead that brakes: median
 # 0.9 s where it is not expected, nine in ten within a factor of two (Johansson & Rumar 1971)
 DELAY_S, DELAY_LOG_SD = 0.9, 0.4
@@ -82,19 +80,25 @@ def compare(
     every, _ = answer_columns.basis_columns(layout, rows)
     b, c = layout.basis.size, len(TAU)
     y = raw[-1] - float(raw[-1, usable].mean())
-    answers = reduced_basis.weights(layout.basis, TAU, DEAD_TIME) @ every[b : 2 * b]
+    of_rate = reduced_basis.weights(layout.basis, TAU, DEAD_TIME) @ every[b : 2 * b]
+    of_lead = answers(accel, LAGS, DEAD_TIMES, layout.step)[:, -len(rows) :]
     # headway, offset, slopes of headway by lag and dead time; then range rate; then the lead's acceleration; then the output
-    columns = np.vstack([raw[[0, 2, 3, 5]], answers, _responses(accel, layout.step)[:, -len(rows) :], y])
+    columns = np.vstack([raw[[0, 2, 3, 5]], of_rate, of_lead, y])
     precision = np.r_[0.0, made.precision[[2, 3, 5]]]
     count = float(made.usable.sum()) / (at.variance_inflation * at.stride)
-    G = _products(columns, usable, at, made, output_filter, layout.step)
+
+    def products(noise: Array) -> Array:
+        white, _ = answer_columns.white(columns, usable, at._replace(noise=noise), output_filter, layout.step)
+        return np.asarray((white * made.weight) @ white.T, float)
+
+    G = products(at.noise)
     likelihood, K, variance = np.empty((3, len(AHEAD_S), c))
     for k, ahead in enumerate(AHEAD_S):
         turned, solved, explained = _solved(G, ahead, precision)
         best = int(np.argmax(explained))
         fitted = solved[best] @ np.vstack([columns[4 + best] + ahead * columns[4 + c + best], columns[:4]])
-        noise = _noise((y - fitted) * usable, usable, at.stride)
-        refitted = _products(columns, usable, at._replace(noise=noise), made, output_filter, layout.step)
+        residual, known = row_noise.strided(np.vstack([(y - fitted) * usable, usable]), at.stride)
+        refitted = products(autoregression.fit(residual, known > 0.0, row_noise.NOISE_ORDER))
         turned, solved, explained = _solved(refitted, ahead, precision)
         left = np.maximum(refitted[-1, -1] - explained, 1e-9 * refitted[-1, -1])
         likelihood[k], K[k] = -0.5 * count * np.log(left), solved[:, 0]
@@ -110,27 +114,13 @@ def compare(
     return out[1:]
 
 
-def _responses(accel: Array, step: float) -> Array:
-    """Answers (c, n) of all lags and dead times to an acceleration (n,)."""
-    tau, dead_time = np.unique(TAU), np.unique(DEAD_TIME)
+def answers(u: Array, tau: Array, dead_time: Array, step: float) -> Array:
+    """Answers (d t, n) of unit gain to an input (n,), which begins at rest: every dead time (d,) s with every lag (t,) s."""
     alpha = np.exp(-step / tau)[:, None]
-    middle = 0.5 * (accel + np.r_[accel[:1], accel[:-1]]) - accel[0]
-    lagged = accel[0] + first_order.scan((1.0 - alpha) * middle, alpha)
-    at = np.arange(len(accel), dtype=float)
-    by_dead_time = [np.interp(at - delay / step, at, x) for delay in dead_time for x in lagged]
-    return np.array(by_dead_time)
-
-
-def _products(
-    columns: Array,
-    usable: npt.NDArray[np.bool_],
-    at: Reference,
-    made: Columns,
-    output_filter: OutputFilter | None,
-    step: float,
-) -> Array:
-    white, _ = answer_columns.white(columns, usable, at, output_filter, step)
-    return np.asarray((white * made.weight) @ white.T, float)
+    middle = 0.5 * (u + np.r_[u[:1], u[:-1]]) - u[0]
+    lagged = u[0] + first_order.scan((1.0 - alpha) * middle, alpha)
+    at = np.arange(len(u), dtype=float)
+    return np.array([np.interp(at - delay / step, at, x) for delay in dead_time for x in lagged])
 
 
 def _solved(G: Array, ahead: float, precision: Array) -> tuple[Array, Array, Array]:
@@ -142,15 +132,9 @@ def _solved(G: Array, ahead: float, precision: Array) -> tuple[Array, Array, Arr
     turned[:, 0, 0] = G[rate, rate] + ahead * (2.0 * G[rate, lead] + ahead * G[lead, lead])
     turned[:, 0, 1:] = turned[:, 1:, 0] = G[rate, :4] + ahead * G[lead, :4]
     right[:, 0], right[:, 1:] = G[rate, -1] + ahead * G[lead, -1], G[:4, -1]
-    # keeps the matrix regular
-    turned[:, range(5), range(5)] *= 1.0 + 1e-9
+    turned[:, range(5), range(5)] *= 1.0 + 1e-9  # keeps the matrix regular
     solved = np.asarray(np.linalg.solve(turned, right[:, :, None])[:, :, 0], float)
     return turned, solved, np.asarray((right * solved).sum(axis=1), float)
-
-
-def _noise(residual: Array, usable: npt.NDArray[np.bool_], stride: int) -> Array:
-    both = row_noise.strided(np.vstack([residual, usable]), stride)
-    return autoregression.fit(both[0], both[1] > 0.0, row_noise.NOISE_ORDER)
 
 
 def _integrated(likelihood: Array) -> Array:
