@@ -72,6 +72,7 @@ class Planted(NamedTuple):
     kind: str  # what was planted
     trace: Trace
     truth: Mapping[tuple[str, str], float]  # (input, parameter) -> of the driver
+    exponent: float = 0.0  # of a gain of range rate that grows with nearness
 
 
 def planted(seed: int) -> Iterator[Planted]:
@@ -95,7 +96,7 @@ def planted(seed: int) -> Iterator[Planted]:
             for k, name in (("1", "headway_error"), ("2", "range_rate"))
             for what, parts in PARTS.items()
         }
-        yield Planted(kind, trace(made), truth)
+        yield Planted(kind, trace(made), truth, effects.get("looming_gain", {}).get("exponent", 0.0))
     in_lane = EFFECTS[seed % len(EFFECTS)]
     for kind, hidden in ((f"{in_lane}, in the lane", in_lane), (IN_LANE, CLEAN)):
         drive = make(LaneDrive(SIMULATORS[seed // len(EFFECTS) % 2], hidden, seed))

@@ -3,7 +3,9 @@
     python -m benchmarks live_intervals [--drives 6] [--minutes 8] [--effect WORD] [--whole] [--first-seed 400000]
     python -m benchmarks live_intervals --hidden [--drives 36] [--first-seed 400000]
 
-`--hidden`: the drives of `averaged_gains`, 10 min with a cause hidden and clean. Else drives of two simulators that are
+`--hidden`: the drives of `averaged_gains`, 10 min with a cause hidden and clean. A gain that grows with nearness counts
+twice: against that at 30 m, as the catalogue defines it, and, as "at its gaps", against that about the gaps of the minute
+before, of which a window knows. Else drives of two simulators that are
 not canid's (tests/plants/outside_drives.py). The first value of each estimator in every 60 s: FOPDT's windows do not
 overlap, ARMAX's memory is longer, so that one drive's noise misses in many rows: the drives with a miss are counted as
 well. `--whole`: of the whole drive as well. z is in the interval's own standard deviations.
@@ -28,6 +30,7 @@ from canid.analysis.drive import drive_parameters
 from canid.mathematics.estimators.agreement import disjoint_parameters
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.identifiability import PARAMETERS
+from canid.models.effects.driver.looming_gain import REFERENCE_GAP_M
 from canid.values.errors import CanidError
 from canid.values.types import QUOTED, Channel, Estimate, Status, Trace
 from tests.plants.outside_drives import SIMULATORS, Truth, drawn_drive
@@ -120,11 +123,21 @@ def hidden(seed: int) -> list[Number]:
                 for what in QUOTED[channel.status]:
                     if (key, what) in drive.truth:
                         one = Quoted(key, what, getattr(channel, what), drive.truth[key, what])
-                        out += [
-                            Number(_task(drive.kind), seed, drive.kind, name, each.t, one)
-                            for name in _methods(each)
-                        ]
+                        put = partial(Number, _task(drive.kind), seed, drive.kind)
+                        out += [put(name, each.t, one) for name in _methods(each)]
+                        if drive.exponent and (key, what) == ("range_rate", "K"):
+                            there = one._replace(truth=_at_gaps(drive, each.t))
+                            out += [put(f"{name} at its gaps", each.t, there) for name in _methods(each)]
     return out
+
+
+def _at_gaps(drive: averaged_gains.Planted, t: float) -> float:
+    """K of range rate about the gaps of the minute before t [s], each weighed by its range rate squared."""
+    seen = drive.trace
+    inside = (seen.t > t - WINDOW_S) & (seen.t <= t) & seen.learn
+    weight = seen.inputs[inside, 1] ** 2
+    factor = (REFERENCE_GAP_M / seen.signals["gap"][inside]) ** drive.exponent
+    return float(drive.truth["range_rate", "K"] * (weight @ factor) / weight.sum())
 
 
 def _task(kind: str) -> str:

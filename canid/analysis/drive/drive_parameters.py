@@ -222,6 +222,8 @@ def windows(trace: Trace, **settings: Any) -> list[Estimate]:
     return [signal_checks.withheld(e, signal_checks.at(trace.findings, e.t)) for e in made]
 
 
+# signals that estimators read besides output and inputs
+SIGNALS = ("headway", "speed")
 # rows that are made samples at once: a whole drive's would take 20 MB an hour
 ROWS_AT_ONCE = 1024
 
@@ -232,6 +234,8 @@ def samples(trace: Trace) -> Iterator[Sample]:
     for a in range(0, len(trace.t), ROWS_AT_ONCE):
         part = slice(a, a + ROWS_AT_ONCE)
         numbers = (trace.t, trace.output, trace.inputs, trace.learn, trace.segment, bounds)
+        signals = {role: trace.signals[role][part].tolist() for role in SIGNALS if role in trace.signals}
         rows = zip(*(column[part].tolist() for column in numbers), trace.gate[part], strict=True)
-        for t, y, u, learn, segment, bound, gate in rows:
-            yield Sample(t, y, tuple(u), gate, learn, segment, {}, bound)
+        for k, (t, y, u, learn, segment, bound, gate) in enumerate(rows):
+            at = {role: column[k] for role, column in signals.items()}
+            yield Sample(t, y, tuple(u), gate, learn, segment, at, bound)

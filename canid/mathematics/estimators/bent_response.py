@@ -2,9 +2,10 @@
 
 A window of a minute shows little of a bend. Its score and information (Rao 1948) are summed over windows that do not
 overlap, each with gains, offset, lags and dead times of its own projected out, so that a driver who slowly changes is no
-bend. With a normal prior of its strength each bend is a model of the driver with another gain (Kass & Raftery 1995). As in
-`identify` (models/diagnosis/causes_not_excluded.py), the interval of K is widened until it holds by all these models, and a
-K that they put outside of its own interval is not quoted.
+bend. With a normal prior of its strength each bend is a model of the driver with another gain (Kass & Raftery 1995), and so
+is a response to the lead's acceleration (`lead_anticipation.py`). As in `identify`
+(models/diagnosis/causes_not_excluded.py), the interval of K is widened until it holds by all these models, and a K that they
+put outside of its own interval is not quoted.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 from canid.mathematics.estimators import agreement, plausibility
 from canid.mathematics.estimators.step_watch import Window
-from canid.mathematics.identification import first_order
+from canid.mathematics.identification import lead_anticipation
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.mathematics.identification.fopdt import answer_columns, gain_step
 from canid.mathematics.identification.fopdt.answer_columns import Columns
@@ -29,23 +30,29 @@ from canid.values.types import NAN, TASK_INPUTS, Array, Channel, Estimate, Inter
 
 # s after which what was seen of a bend has faded to 1/e: habits change over minutes (Chen & Ulsoy 2001)
 MEMORY_S = 600.0
-# share of a window that must be usable
+# share of a window that must be usable, and in which the lead's speed must be known
 USABLE_SHARE = 0.75
 # m/s; slower relative motion is not seen at usual gaps (Todosiev 1963; Wiedemann 1974)
 ZONE_MPS = 0.8
-# of each bend against none, before the drive: as of a cause in `identify`, where a catalogue of forty causes together is as
-# likely as none
-PRIOR_ODDS = 1.0 / 40.0
+# m; the gap that K refers to where it depends on the gap, as in models/effects/driver/looming_gain.py
+GAP_M = 30.0
+MIN_GAP_M = 2.0  # m; nobody follows closer
 
 
-# range rate (n,) -> what a bend with a strength of one adds to it, m/s: a dead zone, a straight line within; and different
-# answers to a closing and an opening gap (Newell 1965; Ahmed 1999)
-BENDS: tuple[Callable[[Array], Array], ...] = (
-    lambda rate: -np.clip(rate, -ZONE_MPS, ZONE_MPS),
-    lambda rate: -np.abs(rate),
+# range rate (n,) m/s and gap (n,) m -> what a bend with a strength of one adds to the range rate, m/s: a dead zone, a
+# straight line within; different answers to a closing and an opening gap (Newell 1965; Ahmed 1999); and an answer that
+# grows with nearness, as a power of it to first order (Gazis, Herman & Rothery 1961)
+BENDS: tuple[Callable[[Array, Array], Array], ...] = (
+    lambda rate, gap: -np.clip(rate, -ZONE_MPS, ZONE_MPS),
+    lambda rate, gap: -np.abs(rate),
+    lambda rate, gap: rate * np.log(GAP_M / np.maximum(gap, MIN_GAP_M)),
 )
 # standard deviations of their strengths before the drive, as in the literature
-TYPICAL = (0.7, 0.3)
+TYPICAL = (0.7, 0.3, 0.7)
+# whose gain is a power of what they depend on
+POWER = np.array([False, False, True])
+# of each cause against none, before the drive: all that are tested are together as likely as none
+PRIOR_ODDS = 1.0 / (len(BENDS) + 1)
 
 
 class Evidence(NamedTuple):
@@ -53,16 +60,19 @@ class Evidence(NamedTuple):
 
     # (bends, 3) score and information, summed, and by how much less K is for a strength of one in the last window, over K
     sums: Annotated[Array, FINITE] = np.zeros((len(BENDS), 3))
+    # (t, 4) as of `lead_anticipation.compare`: the likelihood summed, the others of the last window; 0: not compared
+    ahead: Annotated[Array, FINITE] = np.zeros((len(lead_anticipation.PRIOR), 4))
     until: Annotated[float, TIME] = NAN  # s, of the last row
 
 
-def learn(evidence: Evidence, fit: ProcessFit, window: Window) -> Evidence:
-    """Take in what a window would make of a bend, and once all of its rows are new, what it shows of one.
+def learn(evidence: Evidence, fit: ProcessFit, window: Window, seen: Array) -> Evidence:
+    """Take in what a window would make of each cause, and once all of its rows are new, what it shows of one.
 
     Args:
         evidence: so far.
         fit: of the window, as reported.
         window: its rows.
+        seen: (2, k + n) gap in m and speed of the lead in m/s at the rows, and before them; NaN = not measured.
     """
     at = answer_columns.reference(fit)
     if window.names != TASK_INPUTS["car_following"] or at is None or not quotable(fit.channels[1], "K"):
@@ -71,27 +81,28 @@ def learn(evidence: Evidence, fit: ProcessFit, window: Window) -> Evidence:
     made = answer_columns.whitened(window.layout, raw, usable, at, window.output_filter)
     if made is None:
         return evidence
-    rate = np.nan_to_num(window.rows[:, 3])
-    tau, dead_time = at.tau[1] / window.layout.step, at.dead_time[1] / window.layout.step
-    bends = np.array([at.K[1] * _answer(added(rate), tau, dead_time) for added in BENDS])
-    columns = np.vstack([bends * usable, raw])
-    values, _ = answer_columns.white(columns, usable, at, window.output_filter, window.layout.step)
+    rate, step = np.nan_to_num(window.rows[:, 3]), window.layout.step
+    # at this gap nothing depends on it
+    gap, speed = np.nan_to_num(seen[0, -len(rate) :], nan=GAP_M), seen[1]
+    delays = at.tau[1:], at.dead_time[1:]
+    bends = np.vstack([lead_anticipation.answers(added(rate, gap), *delays, step) for added in BENDS])
+    columns = np.vstack([at.K[1] * bends * usable, raw])
+    values, _ = answer_columns.white(columns, usable, at, window.output_filter, step)
     sums, until = _scores(made, values[: len(BENDS)], float(at.K[1])), window.t
-    usable_s = float(usable.sum()) * window.layout.step
+    ahead = np.zeros_like(Evidence().ahead)
+    if np.isfinite(speed).mean() >= USABLE_SHARE:
+        accel = lead_anticipation.lead_acceleration(speed, step)
+        ahead = lead_anticipation.compare(window.layout, window.rows, at, made, accel, window.output_filter)
+    usable_s = float(usable.sum()) * step
     if window.time_of(0) <= evidence.until or usable_s < USABLE_SHARE * window.seconds:
-        sums[:, :2], until = evidence.sums[:, :2], evidence.until
+        sums[:, :2], ahead[:, 0], until = evidence.sums[:, :2], evidence.ahead[:, 0], evidence.until
     elif evidence.until == evidence.until:
-        sums[:, :2] += math.exp((evidence.until - until) / MEMORY_S) * evidence.sums[:, :2]
+        faded = math.exp((evidence.until - until) / MEMORY_S)
+        sums[:, :2] += faded * evidence.sums[:, :2]
+        ahead[:, 0] += faded * evidence.ahead[:, 0]
     sums.setflags(write=False)
-    return Evidence(sums, until)
-
-
-def _answer(u: Array, tau: float, dead_time: float) -> Array:
-    """Answer (n,) of first order and unit gain after a dead time, both in rows."""
-    alpha = math.exp(-1.0 / tau)
-    middle = 0.5 * (u + np.r_[u[0], u[:-1]]) - u[0]
-    answer = u[0] + first_order.scan((1.0 - alpha) * middle, np.array([alpha]))
-    return np.asarray(np.interp(np.arange(len(u)) - dead_time, np.arange(len(u)), answer), float)
+    ahead.setflags(write=False)
+    return Evidence(sums, ahead, until)
 
 
 def _scores(made: Columns, bends: Array, gain: float) -> Array:
@@ -106,6 +117,32 @@ def _scores(made: Columns, bends: Array, gain: float) -> Array:
     return np.column_stack([products[:, -1], np.diag(products), by[1, :-1] / gain])
 
 
+def _bent(evidence: Evidence, sd: float) -> Array:
+    """Drivers with one bend (k, 3): odds against none, K and its standard deviation, in shares of the fit's K.
+
+    Args:
+        evidence: of the drive so far.
+        sd: of K, in shares of it.
+    """
+    some = evidence.sums[:, 1] > 0.0
+    score, information, relative = evidence.sums[some].T
+    prior = np.array(TYPICAL)[some] ** -2.0
+    precision = information + prior
+    odds = np.exp(np.minimum(0.5 * score**2 / precision, 50.0)) * np.sqrt(prior / precision) * PRIOR_ODDS
+    change = -relative * score / precision
+    factor = np.where(POWER[some], np.exp(change), 1.0 + change)
+    by = relative / np.sqrt(precision) * np.where(POWER[some], factor, 1.0)
+    return np.column_stack([odds, factor, np.hypot(sd, by)])
+
+
+def _ahead(evidence: Evidence) -> Array:
+    """Drivers who answer the lead's acceleration (k, 3), as `_bent`."""
+    some = evidence.ahead[:, 3] > 0.0
+    likelihood, delays, factor, sd = evidence.ahead[some].T
+    odds = np.exp(np.clip(likelihood + delays, -50.0, 50.0)) * lead_anticipation.PRIOR[some] * PRIOR_ODDS
+    return np.column_stack([odds, factor, sd])
+
+
 def judged(evidence: Evidence, made: Estimate) -> Estimate:
     """Widen K of relative speed by the bends that the drive does not exclude, or withhold it.
 
@@ -118,23 +155,19 @@ def judged(evidence: Evidence, made: Estimate) -> Estimate:
     >>> made = Estimate(60.0, "fopdt", Status.OK, "range rate: K only", known)
     >>> judged(Evidence(), made) == made
     True
-    >>> zone = np.array([[60.0, 64.0, -0.4], [0.0, 0.0, 0.0]])  # 7.5 sd from none: with it K is 38 % larger
+    >>> zone = np.array([[60.0, 64.0, -0.4], *np.zeros((2, 3))])  # 7.5 sd from none: with it K is 36 % larger
     >>> judged(Evidence(zone), made).says.partition(":")[0]
     'K of range rate is probably an average over a cause that the model does not have'
     """
     name = TASK_INPUTS["car_following"][1]
-    channel, some = made.channels.get(name, Channel()), evidence.sums[:, 1] > 0.0
-    if not some.any() or not quotable(channel, "K"):
+    channel = made.channels.get(name, Channel())
+    if not (evidence.sums[:, 1] > 0.0).any() or not quotable(channel, "K"):
         return made
-    score, information, relative = evidence.sums[some].T
-    prior = np.array(TYPICAL)[some] ** -2.0
-    precision = information + prior
-    odds = np.exp(np.minimum(0.5 * score**2 / precision, 50.0)) * np.sqrt(prior / precision) * PRIOR_ODDS
-    weights = np.r_[1.0, odds] / (1.0 + odds.sum())
     K = channel.K
     sd = (K.high - K.low) / (2.0 * NORMAL_QUANTILE)
-    values = np.r_[K.value, K.value * (1.0 - relative * score / precision)]
-    sds = np.r_[sd, np.hypot(sd, K.value * relative / np.sqrt(precision))]
+    others = np.vstack([_bent(evidence, sd / abs(K.value)), _ahead(evidence)])
+    weights = np.r_[1.0, others[:, 0]] / (1.0 + others[:, 0].sum())
+    values, sds = K.value * np.r_[1.0, others[:, 1]], np.r_[sd, abs(K.value) * others[:, 2]]
     models = [NormalDist(m, s) for m, s in zip(values, sds, strict=True)]
     outside = np.array([0.0, *(1.0 - model.cdf(K.high) + model.cdf(K.low) for model in models[1:])])
     if float(weights @ outside) >= plausibility.OUTSIDE:

@@ -21,13 +21,14 @@ from canid.mathematics.estimators import (
     wanted_gap_form,
 )
 from canid.mathematics.estimators.estimator import Estimator, WholeDrive
-from canid.mathematics.identification import feedback_bias
+from canid.mathematics.identification import feedback_bias, lead_anticipation
 from canid.mathematics.identification.fopdt import fopdt_fit, fopdt_residual, grid_search, regression_rows
 from canid.mathematics.identification.fopdt.prior import CHANNELS, Prior, check_prior, incomplete, is_empty
 from canid.mathematics.identification.identifiability import given_quoted, not_quotable
 from canid.mathematics.identification.output_filter import DELAYS_HOLD_IT, is_unknown
 from canid.values.state_constraints import TIME
 from canid.values.types import (
+    TASK_INPUTS,
     Array,
     Channel,
     Estimate,
@@ -110,6 +111,12 @@ class Setup(NamedTuple):
         return max(round(self.settings.window / self.layout.step), 1)
 
     @property
+    def seen(self) -> int:
+        """Samples of which gap and lead are kept: of a window, before it, and those that wait for the next known input."""
+        waiting = regression_rows.MAX_BRIDGED_GAP_S + self.layout.step
+        return round((self.settings.window + lead_anticipation.BEFORE_S + waiting) / self.dt)
+
+    @property
     def needed(self) -> float:
         """Data in s below which nothing is estimated."""
         # never more than half of a short window, or a window with one brake dab would never have an estimate
@@ -141,13 +148,15 @@ class State(NamedTuple):
 
     pace: status.Pace
     t: Annotated[float, TIME]  # s, of the last sample
-    recent: tuple[tuple[float, ...], ...]  # samples that are no rows yet: output, learn, segment, inputs
+    # samples that are no rows yet: output, learn, segment, inputs, gap in m, the lead's speed in m/s
+    recent: tuple[tuple[float, ...], ...]
     making: regression_rows.State
     window: Array  # (n, width) rows, read only
     start: grid_search.Start | None  # where the last reported fit ended
     reported: bool = False  # the estimate that is due is a report's: its fit begins with the whole box
     watch: step_watch.Watch = step_watch.Watch()  # for steps of the gains
-    bends: bent_response.Evidence = bent_response.Evidence()  # of the response to relative speed
+    seen: Array = np.zeros((0, 2))  # (k, 2) gap and the lead's speed at the samples of the window, and before
+    bends: bent_response.Evidence = bent_response.Evidence()  # of causes that move K of relative speed
 
 
 def init(setup: Setup) -> State:
@@ -158,9 +167,11 @@ def init(setup: Setup) -> State:
 
 def check_state(setup: Setup, state: State) -> Iterator[str]:
     """Why a restored state is not of this setup."""
-    if state.window.ndim != 2 or any(len(row) != 3 + len(setup.input_names) for row in state.recent):
+    if state.window.ndim != 2 or any(len(row) != 5 + len(setup.input_names) for row in state.recent):
         yield "the window of fopdt has another shape"
-    if state.bends.sums.shape != bent_response.Evidence().sums.shape:
+    nothing = bent_response.Evidence()
+    bends = state.bends.sums.shape, state.bends.ahead.shape, state.seen.shape[1:]
+    if bends != (nothing.sums.shape, nothing.ahead.shape, (2,)):
         yield "the bends of fopdt have another shape"
 
 
@@ -174,7 +185,7 @@ def advance(setup: Setup, state: State, sample: Sample) -> tuple[State, bool]:
     hidden = not sample.learn and sample.bound == sample.bound
     side = regression_rows.AT_MOST if sample.bound >= sample.output else regression_rows.AT_LEAST
     output, known = (sample.bound, side) if hidden else (sample.output, float(sample.learn))
-    row = (output, known, float(sample.segment), *sample.inputs)
+    row = (output, known, float(sample.segment), *sample.inputs, *_lead(setup, sample))
     recent = (*state.recent, *_missing(setup, state, sample), row)
     pace, forced = status.by_gate(state.pace, sample)
     state = state._replace(pace=pace, t=sample.t, recent=recent)
@@ -204,12 +215,20 @@ def estimate(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimat
     return state._replace(pace=status.emitted(state.pace, sample.t, made.status)), made
 
 
+def _lead(setup: Setup, sample: Sample) -> tuple[float, float]:
+    """Gap in m, and the lead's speed in m/s; NaN where they are not known."""
+    if setup.input_names != TASK_INPUTS["car_following"]:
+        return math.nan, math.nan
+    speed = sample.signals.get("speed", math.nan)
+    return sample.signals.get("headway", math.nan) * speed, speed + sample.inputs[1]
+
+
 def _missing(setup: Setup, state: State, sample: Sample) -> tuple[tuple[float, ...], ...]:
     """Rows for grid times that never came."""
     if not math.isfinite(state.t):
         return ()
     longest = round((setup.settings.window + setup.settle) / setup.dt)
-    nothing_measured = (math.nan, 0.0, math.nan, *([math.nan] * len(setup.input_names)))
+    nothing_measured = (math.nan, 0.0, math.nan, *([math.nan] * (2 + len(setup.input_names))))
     return (nothing_measured,) * min(round((sample.t - state.t) / setup.dt) - 1, longest)
 
 
@@ -217,11 +236,13 @@ def _with_rows(setup: Setup, state: State) -> State:
     """Make rows of the pending samples."""
     if not state.recent:
         return state
-    samples = np.array(state.recent).reshape(-1, 3 + len(setup.input_names))
-    making, more = regression_rows.put(setup.layout, state.making, samples, setup.settle)
+    samples = np.array(state.recent).reshape(-1, 5 + len(setup.input_names))
+    making, more = regression_rows.put(setup.layout, state.making, samples[:, :-2], setup.settle)
     window = np.concatenate([state.window, more])[-setup.rows :]
+    seen = np.concatenate([state.seen, samples[:, -2:]])[-setup.seen :]
     window.setflags(write=False)
-    return state._replace(making=making, window=window, recent=())
+    seen.setflags(write=False)
+    return state._replace(making=making, window=window, seen=seen, recent=())
 
 
 def _checked(setup: Setup, state: State, t: float) -> State:
@@ -232,15 +253,30 @@ def _checked(setup: Setup, state: State, t: float) -> State:
     return state._replace(watch=watch, window=rows)
 
 
-def _window(setup: Setup, state: State) -> step_watch.Window:
-    """Return the rows with the time of the last; the samples after it wait for the next known input."""
+def _waiting(state: State) -> int:
+    """Samples after the last row, which wait for the next known input."""
     making = state.making
-    waiting = len(making.pending) - (making.history is not None) + len(making.answered)
+    return len(making.pending) - (making.history is not None) + len(making.answered)
+
+
+def _seen(setup: Setup, state: State) -> Array:
+    """Gap in m and the lead's speed in m/s (2, k + n) at the rows of the window, and before it; NaN = not known."""
+    layout = setup.layout
+    rows = len(state.window) + round(lead_anticipation.BEFORE_S / layout.step)
+    back = _waiting(state) + 1 + layout.per_row * np.arange(rows)[::-1]
+    known = back <= len(state.seen)
+    seen = np.full((2, rows), np.nan)
+    seen[:, known] = state.seen[len(state.seen) - back[known]].T
+    return seen
+
+
+def _window(setup: Setup, state: State) -> step_watch.Window:
+    """Return the rows with the time of the last."""
     return step_watch.Window(
         setup.layout,
         setup.input_names,
         state.window,
-        state.t - waiting * setup.dt,
+        state.t - _waiting(state) * setup.dt,
         setup.settings.window,
         setup.settings.output_filter,
     )
@@ -300,7 +336,8 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
     if state.reported:
         window_now = _window(setup, state)
         watch = step_watch.learn(state.watch, fit, channels, window_now, sample.t)
-        state = state._replace(watch=watch, bends=bent_response.learn(state.bends, fit, window_now))
+        bends = bent_response.learn(state.bends, fit, window_now, _seen(setup, state))
+        state = state._replace(watch=watch, bends=bends)
     channels = step_watch.with_steps(state.watch, channels, _window(setup, state))
     following = _following(given, sample.signals.get("speed"), sample.signals.get("headway"))
     verdict = plausibility.judge(channels, fit.fit_percent, _ranges(given), following)

@@ -138,7 +138,7 @@ def residual_of(data: Data, simulated: Array) -> Array:
     return residual
 
 
-def _phases(x: Array, stride: int) -> Array:
+def strided(x: Array, stride: int) -> Array:
     """Every `stride`-th row from the first, then from the second, and so on, (k, n) to (k, stride (n/stride + p)).
 
     Zeros between two phases, as many as a noise model looks back, keep them apart.
@@ -155,9 +155,9 @@ def _phases(x: Array, stride: int) -> Array:
 def _phased(data: Data, stride: int) -> Phases:
     """Lay out the phases of a stride one after the other: all rows are used, whatever row the window begins with."""
     if stride > 1:
-        usable, bounded = _phases(np.vstack([data.usable, data.bounded]), stride)
-        side = _phases(data.side[None], stride)[0]
-        data = Data(_phases(data.both, stride), usable, bounded, side, data.y_mean, data.X_mean)
+        usable, bounded = strided(np.vstack([data.usable, data.bounded]), stride)
+        side = strided(data.side[None], stride)[0]
+        data = Data(strided(data.both, stride), usable, bounded, side, data.y_mean, data.X_mean)
     change = innovation_law.changes(data.y, data.usable)
     return Phases(data, autoregression.run_lengths(data.usable), change)
 
@@ -202,10 +202,10 @@ def estimate(
         slow, drift = same.slow, drift._replace(ar=same.ar)
     elif near and not exact:
         drift = offset_drift.find(residual, data.usable, layout.step, stride, NOISE_ORDER)
-        slow = drift.columns if stride == 1 else _phases(drift.columns, stride)
+        slow = drift.columns if stride == 1 else strided(drift.columns, stride)
     if drift is not None:
         residual, cost = offset_drift.without(drift.columns, residual, data.usable, drift.ar, stride)
-    r = residual if stride == 1 else _phases(residual[None], stride)[0]
+    r = residual if stride == 1 else strided(residual[None], stride)[0]
     # one round from the residual's own noise model: from round to round a noise that drifts could excuse ever more drift
     seen = r if last is None or last.shift is None else r + last.shift
     root = last.root if last is not None else None
@@ -424,7 +424,7 @@ def products(noise: Noise, first: int, count: int) -> fopdt_posterior.Products:
 def with_answers(noise: Noise, answers: Array) -> Noise:
     """The same model of rows with other answers (k, n)."""
     data = noise.phases.data
-    laid = answers if noise.stride == 1 else _phases(answers, noise.stride)
+    laid = answers if noise.stride == 1 else strided(answers, noise.stride)
     return noise._replace(phases=noise.phases._replace(data=data._replace(both=np.vstack([laid, data.y]))))
 
 

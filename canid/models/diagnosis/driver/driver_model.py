@@ -428,7 +428,7 @@ def _of_lead(model: DriverModel, data: DriverData, q: Array, kept: RecentValues,
         def known(theta: float = theta, tau: float = tau) -> Array:
             dt = data.output.dt
             response = known_response(data.known.lead_accel, theta, tau if tau >= LEAST_LAG_S else 0.0, dt, A)
-            before = lagged(seen_late(data, theta).lead_accel, tau, dt)
+            before = lagged(_recalled(data.known.lead_accel, theta, dt), tau, dt)
             return np.zeros_like(before) if response is None else response - before
 
         differs = kept.value("of_lead", np.array([theta, tau]), known)

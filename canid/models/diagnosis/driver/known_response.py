@@ -50,11 +50,11 @@ def known_response(lags: Array, theta: float, tau: float, dt: float, A: Array = 
         return None
     h, decay = _impulse(theta, tau, dt, k + p + 1)
     joined = np.convolve(A, h)[: k + p + 1]
-    # it was at rest before
+    # it was at rest before; taken from the sum and not from each lag, whose copy would cost as much as all the rest
     rest = lags[0, 0]
-    moved = lags - rest
-    oldest = moved[:, k - 1]
-    out = moved[:, : k - 1] @ joined[: k - 1] + lfilter(joined[k - 1 : k + p], [1.0], oldest)
+    oldest = lags[:, k - 1] - rest
+    out = lags[:, : k - 1] @ joined[: k - 1] - rest * float(joined[: k - 1].sum())
+    out += lfilter(joined[k - 1 : k + p], [1.0], oldest)
     if decay > 0.0:
         # from here on the joined response falls as the lag's own
         later = np.r_[np.zeros(p + 1), oldest[: -(p + 1)]]

@@ -75,8 +75,10 @@ def jacobian(problem: Problem, q: Array, at: Array, slope: Array) -> Array:
         at: (n,) the model's output there.
         slope: (n,) d whitened residual / d whitened model.
     """
-    out = whitened(problem.noise, derivatives(problem, q, at)) * slope[:, None]
-    out[~problem.rows] = 0.0
+    out = whitened(problem.noise, derivatives(problem, q, at))
+    out *= slope[:, None]
+    # along the columns, which are what is contiguous
+    out.T[:, ~problem.rows] = 0.0
     return out
 
 

@@ -56,8 +56,10 @@ def filtered(A: Array, rows: Array) -> Array:
     (k, n), p = rows.shape, A.size - 1
     # of many short rows a call for each costs more than its sum
     if p < SHORT and k <= n:
-        short = [np.convolve(row, A)[:n] for row in rows]
-        return np.stack(short) if k > 1 else short[0][None]
+        short = np.empty((k, n))
+        for row, column in zip(short, rows, strict=True):
+            row[:] = np.convolve(column, A)[:n]
+        return short
     if p > BLOCK:
         return np.asarray(lfilter(A, [1.0], rows, axis=1))
     blocks = -(-n // BLOCK)
@@ -148,7 +150,9 @@ def whitened(noise: Noise, x: Array) -> Array:
         >>> whitened(noise, np.array([2.0, 2.0, 2.0]))
         array([1. , 0.5, 0.5])
     """
-    out: Array = filtered(noise.A, np.atleast_2d(x.T)) / (noise.sd * noise.size)
+    out: Array = filtered(noise.A, np.atleast_2d(x.T))
+    # in place: a second array of all columns costs as much as the filter
+    out /= noise.sd * noise.size
     return out[0] if x.ndim == 1 else out.T
 
 
