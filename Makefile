@@ -43,9 +43,10 @@ types: $(VENV)/.dev
 check: $(VENV)/.dev
 	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not slow and not long" $(PYTEST_ARGS)
 
-# with fixed seeds as well
+# with fixed seeds as well; of the files that have such tests, which is half of the collection
 check-long: $(VENV)/.dev
-	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "long and not slow" $(PYTEST_ARGS)
+	tests/bus/alone $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "long and not slow" $(PYTEST_ARGS) \
+	    $$(grep -rl --include='*.py' 'mark\.long' tests canid)
 
 # a drawn sixth of what is slow, and all that draws, with drawn seeds; CANID_ALL_CASES=1: all of what is slow
 check-rest: $(VENV)/.dev

@@ -31,6 +31,7 @@ def _nothing(number: int, frame: FrameType | None) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Signals: `make test &` in a script and nohup ignore them, and a program inherits what is ignored."""
+    gc.disable()  # until all is collected
     rewrite_share(config)
     for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
         number = getattr(signal, name, None)  # Windows has the first one alone
@@ -42,6 +43,7 @@ def pytest_collection_finish() -> None:
     """What is imported and collected stays: no collection of garbage goes through it again."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 # folders and files that `make test` leaves out, and why; of the package it is its examples

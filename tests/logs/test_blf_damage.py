@@ -33,7 +33,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def container(data: bytes, method: int = 2, declared: int | None = None) -> bytes:
-    packed = zlib.compress(data) if method == 2 else data
+    packed = zlib.compress(data, 1) if method == 2 else data
     size = 32 + len(packed)
     head = struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10)
     return (
