@@ -350,6 +350,13 @@ BENCHMARKS = (
         "partial pooling: coverage of intervals on simulated fleets, outliers, against plug-in intervals",
     ),
     Benchmark(
+        "pooling_peers",
+        "benchmarks.fleet.pooling_peers",
+        "2 min",
+        "partial pooling next to an exact posterior and to statsmodels' MixedLM: coverage and width of intervals",
+        "statsmodels",
+    ),
+    Benchmark(
         "null_rates",
         "benchmarks.fleet.null_rates",
         "40 min",

@@ -36,6 +36,16 @@ def table(scores: Sequence[Score]) -> list[str]:
     ]
 
 
+def totals(scores: Sequence[Score]) -> str:
+    """One line: how many intervals of all fleets hold, but for those whose truth is approximate."""
+    held = [one for score in scores for one in score.population if one.what not in APPROXIMATE]
+    shrunken = [
+        one.shrunken for score in scores for one in score.estimates if one.parameter not in APPROXIMATE
+    ]
+    counts = {of: coverage(one for one in held if one.of == of) for of in QUANTITIES}
+    return ", ".join(f"{of} {k}/{n}" for of, (k, n) in {**counts, "drivers": coverage(shrunken)}.items())
+
+
 def _fleets(scores: Sequence[Score]) -> str:
     counts = Counter((one.drives, one.drivers) for one in scores)
     sizes = ", ".join(

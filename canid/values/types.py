@@ -338,6 +338,14 @@ class GainChange(NamedTuple):
     new: bool = False  # on the first estimate after it was detected
 
 
+class OtherGain(NamedTuple):
+    """A gain by a model of the driver with one cause that the estimator has not, in shares of the estimator's."""
+
+    odds: float  # of the model against that without the cause
+    gain: float
+    sd: float  # of the gain, besides the estimator's own
+
+
 class _Estimate(NamedTuple):
     t: Annotated[float, TIME]  # s
     estimator: str
@@ -350,6 +358,8 @@ class _Estimate(NamedTuple):
     residual_tests: ResidualTests | None = None
     headline: bool = False  # the headline estimate, by the rule in mathematics/estimators/agreement.py
     change: GainChange | None = None  # the last step of the gains, for a minute after it was detected
+    # input name -> gains by models with a cause, over which the gains of all estimators are averaged
+    other_gains: Mapping[str, tuple[OtherGain, ...]] = {}
 
     def __repr__(self) -> str:
         mark = ", headline" if self.headline else ""

@@ -103,3 +103,11 @@ def test_frames_that_are_all_far_apart_have_a_rate() -> None:
     time = RecordedTime().after(t)
     assert time.rate_of(t) == pytest.approx(0.05)
     assert time.rate(9) == pytest.approx(0.05)
+
+
+def test_the_time_before_the_first_row_is_no_duration(canid: Canid, tmp_path: Path) -> None:
+    """A counter that does not begin at 0: the duration is from the first row to the last."""
+    path = tmp_path / "x.csv"
+    rows = [f"{0.75 + 0.1 * k:.2f},{20 + 0.01 * (k % 9):.2f},30,0.1,{0.02 * (k % 7):.2f}" for k in range(301)]
+    path.write_text("time,speed [km/h],gap,range_rate,accel\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    assert json.loads(canid("check", path, "--json", "-").out)["duration"] == pytest.approx(30.0)

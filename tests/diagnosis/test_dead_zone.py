@@ -10,7 +10,7 @@ import pytest
 from canid import read_trace
 from canid.analysis.comparison.halves import part
 from canid.models.diagnosis import corrections
-from canid.models.diagnosis.driver import driver_candidates
+from canid.models.diagnosis.driver import driver_candidates, driver_intervals
 from canid.models.diagnosis.driver.driver_model import DESIRED, K1, OFFSET
 from canid.models.diagnosis.fitting.candidates import best_fit
 from canid.models.diagnosis.null import replicates
@@ -18,6 +18,8 @@ from canid.models.diagnosis.null.replicates import Null, recorded_drive
 from canid.models.diagnosis.prepared_drive import Prepared, ready
 from canid.models.effects import CATALOGUE
 from canid.values.types import LearnGate
+from tests.plants import plant_two
+from tests.plants.measurement import trace
 
 (ZONE,) = (effect for effect in CATALOGUE if effect.id == "headway_dead_zone")
 LOG = "asta/asta_p10_f4_Mercedes_AClass.blf"
@@ -66,3 +68,19 @@ def test_no_fit_of_the_true_width_is_likelier(measured: Path, seed: int, drive: 
         guesses.append(q)
     best = best_fit(ZONE, data, without, guesses)
     assert found.deviance < best.deviance + MAX_LOSS
+
+
+@pytest.mark.slow("fits planted drives")
+@pytest.mark.parametrize(("drive", "noise", "width"), [(1721003, "white", 0.517), (1727039, "white", 0.393)])
+def test_a_zone_with_round_corners_is_in_the_interval(drive: int, noise: str, width: float) -> None:
+    """Drivers of a simulator whose corners are round; with sharp ones 0.46 [0.41, 0.50] and 0.34 [0.31, 0.37] s."""
+    made = trace(
+        plant_two.plant({ZONE.id: {"width": width}}, seed=drive, minutes=10.0, noise=noise, profile="mixed")
+    )
+    context = corrections.diagnose_context(made, CATALOGUE)
+    prepared = ready(context.trace, context.usable)
+    assert prepared is not None
+    begins = driver_candidates.screen(ZONE, prepared.data, prepared.fitted)
+    found = driver_candidates.tried(ZONE, prepared.data, prepared.fitted, begins).solved
+    interval = driver_intervals.parameters(found, prepared.data)[ZONE.id]["width"]
+    assert interval.low <= width <= interval.high

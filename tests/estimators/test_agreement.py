@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canid.mathematics.estimators import agreement
-from canid.values.types import Channel, Estimate, Identifiable, Interval, Status
+from canid.values.types import Channel, Estimate, Identifiable, Interval, OtherGain, Status
 from tests.exact import exact
 
 SILENT = (Status.CONVERGING, Status.NOT_EXCITED, Status.NO_LEAD, Status.NO_DRIVER, Status.STALE)
@@ -245,3 +245,28 @@ def test_steering_is_read_from_armax():
     assert "use ARMAX" in late[-1].says
     alone = listen([says(t, "fopdt", -0.6, -0.4, **lane)] for t in TIMES)
     assert not any(e.headline for e in alone)
+
+
+def test_models_with_a_cause_count_for_the_gain_of_every_estimator() -> None:
+    """FOPDT finds them; the interval of ARMAX holds the gain by the model that is as likely as none, and says no sign."""
+    known = {"range_rate": Channel(Interval(4.0, 3.6, 4.4), status=Identifiable.GAIN_ONLY)}
+    fopdt = Estimate(60.0, "fopdt", Status.OK, "range rate: K only", known)
+    armax = fopdt._replace(estimator="armax")
+    others = {"range_rate": (OtherGain(1.0, 0.7, 0.1),)}
+    _, (alone, _) = agreement.step(agreement.State(), (armax, fopdt))
+    state, (now, _) = agreement.step(agreement.State(), (armax, fopdt._replace(other_gains=others)))
+    _, (later,) = agreement.step(state, (armax._replace(t=60.5),))
+    assert alone.channels == known
+    assert now.channels["range_rate"].K.low < 2.8 < 4.4 <= now.channels["range_rate"].K.high
+    assert later.channels == now.channels
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_end_that_was_lowered_to_zero_stays_there(sign: float) -> None:
+    """A gain that was quoted by chance may be small; that is no gain of unknown sign, whatever a cause makes of it."""
+    K = Interval(sign * 2.0, *sorted((0.0, sign * 4.0)))
+    e = Estimate(1.0, "armax", Status.OK, "", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
+    wide = agreement.averaged(e, {"range_rate": (OtherGain(0.5, 1.5, 0.8),)}).channels["range_rate"]
+    assert wide.status is Identifiable.GAIN_ONLY
+    assert min(abs(wide.K.low), abs(wide.K.high)) == 0.0
+    assert max(abs(wide.K.low), abs(wide.K.high)) > 4.0

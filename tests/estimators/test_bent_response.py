@@ -110,9 +110,9 @@ def test_a_gain_that_is_hardly_known_is_not_withheld_for_its_end_at_zero(seed: i
 @pytest.mark.parametrize("cause", [{"ahead": 1.2}, {"nearness": 1.0}])
 @mostly(0.9)
 def test_a_gain_that_a_cause_moves_is_not_quoted_without_it(cause: dict[str, float], seed: int) -> None:
-    """Of the lead's acceleration or the gap: FOPDT's K is withheld, or so wide that it holds."""
-    estimates = [e for e in in_loop(seed, **cause) if e.estimator == "fopdt"]
-    assert len(missed(estimates)) <= 0.25 * len(estimates)
+    """Of the lead's acceleration or the gap: K of both estimators is withheld, or so wide that it holds."""
+    estimates = in_loop(seed, **cause)
+    assert len(missed(estimates)) <= 0.2 * len(estimates)
 
 
 @pytest.mark.slow("estimates over whole drives")

@@ -208,7 +208,7 @@ def contradicted(trace: Trace) -> list[tuple[str, ...]]:
         (a, b, name, what)
         for a, b in combinations(methods, 2)
         for name, what in disjoint(methods[a], methods[b])
-        if b != "diagnose" or f"{agreement.WORDS[what][0]} of {name.replace('_', ' ')} is" not in said
+        if b != "diagnose" or f"{plausibility.WORDS[what][0]} of {name.replace('_', ' ')} is" not in said
     ]
     steering = bool(agreement.wrong_for(trace.input_names))
     if left and not steering:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -170,3 +172,22 @@ def test_a_name_that_a_vehicle_and_a_column_map_share(tmp_path: Path) -> None:
     assert log.columns is None
     assert table.columns is not None
     assert table.vehicle is None
+
+
+def test_the_mapping_file_of_the_page_does_what_it_says(tmp_path: Path) -> None:
+    """The example of docs/fleet.md as it stands, with a vehicle file next to it."""
+    page = (REPO / "docs/fleet.md").read_text("utf-8")
+    (block,) = re.findall(r"^```toml\n(.*?)^```$", page, flags=re.M | re.S)
+    for suffix in ("toml", "dbc"):
+        # the vehicle file names its DBC
+        name = "tesla.toml" if suffix == "toml" else "generic.dbc"
+        shutil.copyfile(REPO / f"dbc/generic.{suffix}", tmp_path / name)
+    root = logs(tmp_path, "tesla/ben/week/a.blf", "ben/anna_long_1.blf", "ben/b.blf")
+    plan = planned([root], vehicles=str(made(tmp_path, block)))
+    found = {Path(one.log).name: (one.driver, one.car, one.group_name) for one in plan.logs}
+    generic = "Generic car-following vehicle"
+    assert found == {
+        "a.blf": ("ben", "tesla 2020", ""),
+        "anna_long_1.blf": ("anna", generic, "long"),
+        "b.blf": ("ben", generic, ""),
+    }

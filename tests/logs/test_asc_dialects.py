@@ -157,3 +157,14 @@ def test_a_log_of_symbolic_names_is_refused(tmp_path: Path, names: tuple[str, st
     )
     log = open_log(path)
     assert (len(list(log)), log.damaged) == (199, 1)
+
+
+def test_times_in_hours_minutes_and_seconds(tmp_path: Path) -> None:
+    """0h59m59.9s, 1h00m00.0s: as the same times in s; minutes and seconds of 60 are damage."""
+    frames = "0h00m00.5s 1 123 Rx d 1 22\n0h59m59.900000s 1 123 Rx d 1 23\n1h00m00,000125s 1 123 Rx d 1 24\n"
+    path = written(
+        tmp_path / "a.asc", f"{HEAD}base hex timestamps absolute\n{frames}0h60m00.5s 1 123 Rx d 1 22\n"
+    )
+    log = open_log(path)
+    assert [round(frame.t * 1e6) for frame in log] == [0, 3_599_400_000, 3_599_500_125]
+    assert log.damaged == 1

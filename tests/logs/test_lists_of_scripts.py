@@ -244,3 +244,55 @@ def test_python_can_with_more_columns_or_hexadecimal_bytes(
     log = _read(tmp_path / "x.csv", PYTHON_CAN + ("," + more if more else ""), row, frames)
     _same(log, frames)
     assert [*log.remarks] == ([f"its columns {more} are not read"] if more else [])
+
+
+PLACES = [
+    "arbitration_id,timestamp,data,dlc,extended,remote,error",
+    "timestamp,channel,arbitration_id,extended,remote,error,dlc,data",
+    "timestamp,arbitration_id,dlc,data",
+    PYTHON_CAN,
+]
+
+
+@pytest.mark.parametrize("names", PLACES)
+@pytest.mark.parametrize("mark", [",", ";", "\t", '","'])
+def test_python_can_in_other_columns(names: str, mark: str, tmp_path: Path, seed: int) -> None:
+    """Columns that pandas or a spreadsheet has put elsewhere, parted by another mark, quoted, with a decimal comma."""
+    frames = [x for x in drawn(random.Random(seed)) if x.data]
+    quote = '"' if mark == '","' else ""
+    lines = [quote + mark.join(names.split(",")) + quote]
+    for x in frames:
+        cells = {
+            "timestamp": _time(x).replace(".", "," if mark == ";" else "."),
+            "arbitration_id": hex(x.id),
+            "channel": "can0",
+        }
+        cells |= {
+            "extended": str(int(x.extended)),
+            "dlc": str(len(x.data)),
+            "data": base64.b64encode(x.data).decode(),
+        }
+        lines.append(quote + mark.join(cells.get(name, "0") for name in names.split(",")) + quote)
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join(lines) + "\n")
+    if "extended" not in names:
+        frames = [x._replace(extended=x.id > 0x7FF) for x in frames]
+    _same(open_log(path), frames)
+    if names != PYTHON_CAN or mark != ",":
+        path.write_text(
+            "\n".join([*lines, lines[-1].replace(hex(frames[-1].id), hex(frames[-1].id) + "z")]) + "\n"
+        )
+        log = open_log(path)
+        assert (len(list(log)), log.damaged) == (len(frames), 1)
+
+
+def test_times_in_several_columns_are_refused(tmp_path: Path) -> None:
+    """The microseconds alone would begin anew each second."""
+    frames = drawn(random.Random(4))
+
+    def row(x: Sent, _: int) -> list[str]:
+        seconds, micros = divmod(x.us, 1_000_000)
+        return [str(seconds // 60 % 60), str(seconds % 60), str(micros), hex(x.id), str(len(x.data)), _hex(x)]
+
+    with pytest.raises(ConfigError, match="in several columns, 'minute' to 'usec': write them as one"):
+        _read(tmp_path / "x.csv", "minute,second,usec,id,dlc,data", row, frames)

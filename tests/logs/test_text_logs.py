@@ -471,3 +471,28 @@ def test_an_id_of_kvaser_that_its_flag_contradicts_is_damage(tmp_path: Path) -> 
     log = read(tmp_path / "x.csv", head + "0.1,0,291,2,1,5,1,x\n0.2,0,2048,2,1,5,2,x\n0.3,0,2048,4,1,5,3,x\n")
     assert [(frame.id, frame.flags) for frame in log] == [(291, 0), (2048, Flag.EXTENDED)]
     assert log.damaged == 1
+
+
+@pytest.mark.parametrize("version", ["1.0", "1.1", "1.2", "1.3"])
+@pytest.mark.parametrize("head", ["", "; cut from a longer trace\n"])
+def test_a_trc_without_its_header_has_the_version_of_its_first_record(
+    version: str, head: str, tmp_path: Path
+) -> None:
+    """As the pasted or cut part of a trace."""
+    way = {"1.0": "", "1.1": "Tx", "1.2": "2 Tx", "1.3": "2 Tx"}[version]
+    between = "-" if version == "1.3" else ""
+    rows = [f"{k:6d}) {12.3 * k:11.1f} {way} 00{k}1 {between} 2 0{k} AB\n" for k in range(1, 8)]
+    path = tmp_path / "x.trc"
+    path.write_text(head + "".join(rows))
+    log = open_log(path)
+    found = list(log)
+    assert [(frame.id, frame.data) for frame in found] == [
+        (16 * k + 1, bytes([k, 0xAB])) for k in range(1, 8)
+    ]
+    assert {frame.bus for frame in found} == {int(version > "1.1")}
+    assert {bool(frame.flags & Flag.TX) for frame in found} == {version > "1.0"}
+    assert log.damaged == 0
+    path.write_text(head + ";$FILEVERSION=1.0\n" + "".join(rows))
+    if version > "1.0":
+        with pytest.raises(LogError):
+            list(open_log(path))

@@ -39,8 +39,8 @@ class RecordedTime(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """From the first frame to the last one, s; NaN: none came."""
-        return self.last - self.first
+        """From the first frame to the last one, s; 0: none came."""
+        return self.last - self.first if self.last >= self.first else 0.0
 
     @property
     def paused(self) -> float:

@@ -116,14 +116,14 @@ def contents(chunks: Iterable[Columns], on_time: Callable[[float], None] | None 
     """
     counts: Counter[tuple[int, int, int]] = Counter()
     apart: Counter[str] = Counter()
-    clock, span = session_clock.init(), RecordedTime(0.0, 0.0)
+    clock, span = session_clock.init(), RecordedTime()
     for chunk in chunks:
         counts.update(_counted(chunk))
         apart.update(_apart(chunk))
         clock, timed = session_clock.step(clock, chunk)
         span = span.after(timed.frames.t)
         if on_time is not None:
-            on_time(span.last)
+            on_time(max(0.0, span.last))
     return Contents(dict(counts), span.duration, dict(apart), span.paused)
 
 
@@ -179,7 +179,7 @@ def check(
     reports: list[SignalReport] = []
     events: list[Event] = []
     # a log's times are those since its first frame, a bus is listened to from 0 on
-    span = RecordedTime(0.0, 0.0)
+    span = RecordedTime()
     for chunk in chunks:
         for key, n in _counted(chunk).items():
             ids[key[:2]] += n
@@ -202,7 +202,7 @@ def check(
             elif isinstance(item, Event):
                 events.append(item)
         if on_time is not None:
-            on_time(span.last)
+            on_time(max(0.0, span.last))
     readings = {role: Signal(np.concatenate(at[role]), np.concatenate(values[role])) for role in values}
     rows = tuple(_row(role, vehicle, readings.get(role, NOTHING_READ), span) for role in vehicle.roles)
     findings = signal_checks.episodes(reports)

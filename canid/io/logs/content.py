@@ -18,7 +18,8 @@ from canid.io.logs.others import bare_lists
 from canid.values.errors import ConfigError
 
 # of python-can's .csv: a header of which most is there is one that is damaged
-_PYTHON_CAN, _MOST = {"timestamp", "arbitration_id", "extended", "remote", "error", "dlc", "data"}, 5
+_NAMES = ["timestamp", "arbitration_id", "extended", "remote", "error", "dlc", "data"]
+_PYTHON_CAN, _MOST = {*_NAMES}, 5
 # and those of them that no table of signals has
 _OF_PYTHON_CAN = {"arbitration_id", "extended", "remote", "dlc"}
 # a quote that opens a cell and is not closed in its line; and lines that one header may have
@@ -110,8 +111,8 @@ def head_of(path: Path) -> Head:
     for k, line in enumerate(lines):
         for form in formats.FORMS:
             if (not form.suffixes or suffix in form.suffixes) and re.match(form.line, line, re.IGNORECASE):
-                # rows as python-can's below the header of another list
-                other = form.format is formats.FORMATS[".csv"] and any(map(is_frame_list, lines[:k]))
+                # rows as python-can's below the header of another list, or its names in another form
+                other = form.format is formats.FORMATS[".csv"] and any(map(is_frame_list, lines[: k + 1]))
                 return Head(formats.UNKNOWN_LIST if other else form, lines)
     listed = suffix in formats.TABLE_SUFFIXES and (any(map(is_frame_list, lines)) or has_bytes(lines))
     bare = not any(map(is_header, lines)) and bare_lists.form_of(lines) is not None
@@ -146,7 +147,11 @@ def is_frame_list(line: str) -> bool:
     """
     cells = {cell for part in cells_of(decoded(line)) for cell in part.split("|")}
     roles = {role_of(cell) for cell in cells} | {"data" for cell in cells if byte_of(cell) is not None}
-    return {"id", "data"} <= roles and len(_PYTHON_CAN & cells) < _MOST
+    # its header with a character damaged is still its header; with all names in another form it is another list
+    names = [cell.strip(' "') for cell in line.lower().lstrip(",").split(",")]
+    quoted = line.count('"') >= 2 * len(_NAMES)
+    other = cells >= _PYTHON_CAN and (quoted or names[: len(_NAMES)] != _NAMES)
+    return {"id", "data"} <= roles and (other or len(_PYTHON_CAN & cells) < _MOST)
 
 
 def has_bytes(lines: list[str]) -> bool:

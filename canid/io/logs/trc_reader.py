@@ -141,7 +141,7 @@ class _Form:
     """The form of the lines that follow, as the header states it."""
 
     def __init__(self, zone: datetime.tzinfo | None) -> None:
-        """Without a header it is version 1.0. `zone`: of its start, which is local time."""
+        """Without a header the first record shows the version. `zone`: of its start, which is local time."""
         self.start_ns: int | None = None  # epoch ns that times count from; None: not stated
         self.line = 0  # in which a further log begins; 0: it is the first
         self.new = False  # it has begun, and had no frame yet
@@ -157,6 +157,7 @@ class _Form:
         self.start_ns, self.line, self.new = None, line, line > 0
         self._start = ""  # as stated
         self._version, self._columns = "1.0", ""
+        self._stated = False  # the version; where it is not, the first record shows it
         self._numbers = None
         self._compile()
 
@@ -171,7 +172,7 @@ class _Form:
             value = value.strip()
             if key == "FILEVERSION" and (value in _VERSION_1 or value in _DEFAULT_COLUMNS):
                 self._head()
-                self._version = value
+                self._version, self._stated = value, True
             elif key == "STARTTIME" and re.fullmatch(r"\d{1,10}(?:[.,]\d{1,20})?", value):
                 self._head()
                 self._start = value
@@ -229,6 +230,10 @@ class _Form:
 
         Behind a comment a log without version and start may begin: its numbers begin again, or it is of version 1.0.
         """
+        if self._numbers is None and not self._stated:
+            version = next((v for v in _VERSION_1 if _pattern_1(v).fullmatch(text)), self._version)
+            self._version, self._stated = version, True
+            self._compile()
         match = _NUMBER.match(text)
         number = int(match[1]) if match and (self._columns or "N").startswith("N") else -1
         if self._comment and self._numbers is not None:
@@ -239,7 +244,7 @@ class _Form:
             elif 0 <= number <= first and number < last:
                 version, columns = self._version, self._columns
                 self._begin(self._comment)
-                self._version, self._columns = version, columns
+                self._version, self._columns, self._stated = version, columns, True
                 self._compile()
         made = self._read(text, line)
         self._comment = 0

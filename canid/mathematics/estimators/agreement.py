@@ -8,12 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
+from statistics import NormalDist
 from typing import NamedTuple
 
+import numpy as np
+
+from canid.mathematics.estimators import plausibility
+from canid.mathematics.estimators.plausibility import WORDS
 from canid.mathematics.estimators.status import TIME_ROUNDING_S
-from canid.mathematics.identification.identifiability import apart, not_quotable, quotable
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
+from canid.mathematics.identification.fopdt import gain_step
+from canid.mathematics.identification.identifiability import apart, not_quotable, quotable, with_gain
 from canid.values.text.names import method
-from canid.values.types import Channel, Estimate, Identifiable, Interval, Status
+from canid.values.types import Channel, Estimate, Identifiable, Interval, OtherGain, Status
 
 # Whose number is the headline. FOPDT's parameters are K, tau and dead time themselves; ARMAX's K and tau + dead time
 # are worked out from shared poles. An estimator that is not named here comes after these.
@@ -35,13 +42,6 @@ PERSISTENCE_S = 5.0
 # at most 2 of the sd that the data alone would give it, and the two intervals reach 3.3 of it.
 MAX_PRIOR_SHARE = 0.5
 
-# What all estimators may give, its symbol, and its unit.
-WORDS = {
-    "K": ("K", ""),
-    "tau": ("tau", " s"),
-    "dead_time": ("dead time", " s"),
-    "tau_plus_dead_time": ("tau + dead time", " s"),
-}
 # Compared live: noise of the radar moves tau up and dead time down at the same sum, for minutes.
 LIVE = ("K", "tau_plus_dead_time")
 
@@ -110,9 +110,55 @@ def step(state: State, estimates: Sequence[Estimate]) -> tuple[State, tuple[Esti
         for name, channel in e.channels.items()
         if channel.withheld and channel.status is Identifiable.NOT
     }
+    # and the models by which one is averaged count for the others
+    others = {name: models for e in latest for name, models in e.other_gains.items()}
+    given = (e if e.other_gains else averaged(e, others) for e in estimates)
     return State(latest, apart), tuple(
-        _checked(without_gains(e, averages) if e.estimator not in wrong else e, first, why) for e in estimates
+        _checked(without_gains(e, averages) if e.estimator not in wrong else e, first, why) for e in given
     )
+
+
+def averaged(e: Estimate, others: Mapping[str, tuple[OtherGain, ...]] | None = None) -> Estimate:
+    """Average gains over models of the driver with a cause (Hoeting et al. 1999), or withhold them.
+
+    An interval is widened until it holds 95 % by all models. A gain that is outside of its own interval with 70 % is an
+    average over a cause.
+
+    Args:
+        e: an estimate.
+        others: input -> gains by these models; None: the estimate's own.
+
+    >>> from canid.values.types import Identifiable
+    >>> known = {"range_rate": Channel(Interval(4.0, 3.6, 4.4), status=Identifiable.GAIN_ONLY)}
+    >>> e = Estimate(60.0, "fopdt", Status.OK, "range rate: K only", known)
+    >>> print(averaged(e, {"range_rate": (OtherGain(0.3, 0.8, 0.05),)}).channels["range_rate"].K)
+    4.0 [2.8, 4.4]
+    >>> averaged(e, {"range_rate": (OtherGain(20.0, 0.8, 0.05),)}).says.partition(":")[0]
+    'K of range rate is probably an average over a cause that the model does not have'
+    """
+    for name, others_of in (e.other_gains if others is None else others).items():
+        channel = e.channels.get(name, Channel())
+        if e.status is not Status.OK or not others_of or not quotable(channel, "K"):
+            continue
+        K, (odds, gain, more) = channel.K, np.array(others_of).T
+        sd = (K.high - K.low) / (2.0 * NORMAL_QUANTILE)
+        weights = np.r_[1.0, odds] / (1.0 + odds.sum())
+        values, sds = K.value * np.r_[1.0, gain], np.hypot(sd, K.value * np.r_[0.0, more])
+        models = [NormalDist(*model) for model in zip(values.tolist(), sds.tolist(), strict=True)]
+        outside = np.array([1.0 - model.cdf(K.high) + model.cdf(K.low) for model in models])
+        if float(weights[1:] @ outside[1:]) >= plausibility.OUTSIDE:
+            e = without_gains(e, {name: plausibility.average_over_cause(name)})
+            continue
+        wide = gain_step.mixture(values, sds, weights)
+        wide = Interval(K.value, min(K.low, wide.low), max(K.high, wide.high))
+        # an end that was lowered to zero stays there
+        if not K.low * K.high > 0.0:
+            wide = wide._replace(low=K.low) if K.value > 0.0 else wide._replace(high=K.high)
+            channel = channel._replace(K=wide)
+        else:
+            channel = with_gain(channel, wide)
+        e = e._replace(channels={**e.channels, name: channel})
+    return e
 
 
 def without_gains(e: Estimate, why: Mapping[str, str]) -> Estimate:

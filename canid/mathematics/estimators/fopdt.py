@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from canid.mathematics.estimators import (
+    agreement,
     bent_response,
     fopdt_whole_drive,
     plausibility,
@@ -361,7 +362,9 @@ def _refit(setup: Setup, state: State, sample: Sample) -> tuple[State, Estimate]
 
 def _judged(state: State, made: Estimate) -> Estimate:
     """Widen what may be quoted; an end that is lowered to zero is no gain of unknown sign, and comes last."""
-    made = bent_response.judged(state.bends, made)
+    others = bent_response.others(state.bends)
+    if others:
+        made = agreement.averaged(made._replace(other_gains={TASK_INPUTS["car_following"][1]: others}))
     return made._replace(channels=given_quoted(made.channels))
 
 

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from canid.mathematics.estimators import status
-from canid.mathematics.estimators.agreement import WORDS
 from canid.mathematics.identification import closed_loop_stability
 from canid.mathematics.identification.confidence import QUANTILES
 from canid.mathematics.identification.fopdt.grid_search import Optimum
@@ -20,6 +19,14 @@ from canid.mathematics.identification.identifiability import QUOTABLE, apart
 from canid.values.text.names import readable
 from canid.values.text.numbers import number
 from canid.values.types import TASK_INPUTS, Channel, Identifiable, Interval, ResidualTests
+
+# What all estimators may give, its symbol, and its unit.
+WORDS = {
+    "K": ("K", ""),
+    "tau": ("tau", " s"),
+    "dead_time": ("dead time", " s"),
+    "tau_plus_dead_time": ("tau + dead time", " s"),
+}
 
 # Share of a range beyond which half of what is believed of a delay lies at its end. On 2,700 channels of clean
 # simulated drives with delays inside the range none was there.

@@ -167,8 +167,8 @@ def _without_causes(mine: Mapping[str, Channel], others: Mapping[str, WholeDrive
             given.setdefault((name, what), []).append(f"{text} by {in_words(method)}")
     for (name, what), said in given.items():
         yield (
-            f"Without the cause {agreement.WORDS[what][0]} of {readable(name)} is {' and '.join(said)}, as in `identify`: "
-            "an average over the cause, not to be quoted."
+            f"Without the cause {plausibility.WORDS[what][0]} of {readable(name)} is {' and '.join(said)}, as in "
+            "`identify`: an average over the cause, not to be quoted."
         )
 
 

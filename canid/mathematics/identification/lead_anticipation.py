@@ -74,7 +74,7 @@ def compare(
 
     Returns:
         (t, 4) log likelihood, integrated over lags and dead times; what the delays of people add to it; K2, over that of
-        the driver without the response; its standard deviation, over the same.
+        the driver without the response; and by how much its standard deviation is larger, over the same.
     """
     raw, usable = answer_columns.raw(layout, rows, at)
     every, _ = answer_columns.basis_columns(layout, rows)
@@ -109,8 +109,9 @@ def compare(
     weight = np.exp(likelihood + likely - (likelihood + likely).max(axis=1)[:, None])
     weight /= weight.sum(axis=1)[:, None]
     mean = (weight * K).sum(axis=1)
-    sd = np.sqrt((weight * (variance + (K - mean[:, None]) ** 2)).sum(axis=1))
-    out = np.column_stack([plain - plain[0], weighed - weighed[0], mean / mean[0], sd / abs(mean[0])])
+    spread = (weight * (variance + (K - mean[:, None]) ** 2)).sum(axis=1)
+    more = np.sqrt(np.maximum(spread - spread[0], 0.0)) / abs(mean[0])
+    out = np.column_stack([plain - plain[0], weighed - weighed[0], mean / mean[0], more])
     return out[1:]
 
 

@@ -254,6 +254,7 @@ class Effect(NamedTuple):
     sense: Callable[[Params, SensorValues], SensorValues] | None = None  # true -> measured
     remnant: Remnant | None = None  # innovations of the driver's noise
     mask: Callable[[MaskInput], Flags] | None = None  # (n,) samples to be left out
+    has_threshold: bool = False  # is its first parameter one, of `headway` or `range_rate`?
     recovery: float = 0.0  # s after a mask until the driver's answer is undisturbed again
 
     # what limits its identification

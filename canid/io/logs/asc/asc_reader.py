@@ -55,6 +55,8 @@ _ERROR_DATA = re.compile(r"(?:[0-9A-F]{2} ){0,7}[0-9A-F]{2}")
 _DATE = re.compile(r"(?:(date)\s+|begin\s+trigger\s?block\s+)(.*)", re.IGNORECASE)
 # before the trigger times are negative
 _TIME_WORD = re.compile(r"-?\d+[.,]\d+$")
+# a time as 0h00m12.345678s
+_HMS = re.compile(r"(\d{1,6})h([0-5]\d)m([0-5]\d)[.,](\d{1,20})s")
 # events written by canid: time in the file, what, says
 _EVENT_LINE = re.compile(r"// (-?\d{1,9}\.\d+) canid (\w+): (.*)")
 # events that are kept until the first frame comes
@@ -161,6 +163,8 @@ class _Reading:
             words = item.text.split()
             if not words:
                 continue
+            if hms := _HMS.fullmatch(words[0]):
+                words[0] = f"{(int(hms[1]) * 60 + int(hms[2])) * 60 + int(hms[3])}.{hms[4]}"
             if not _TIME_WORD.match(words[0]):
                 if data := _error_data(item.text):
                     self._error_data = item.number + 1, data

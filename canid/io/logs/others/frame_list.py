@@ -18,6 +18,7 @@ from canid.io.logs.local_time import epoch_ns
 from canid.io.logs.others import bare_lists
 from canid.io.logs.others.list_clock import Clock
 from canid.io.logs.others.table_layout import (
+    BASE64,
     COUNTER,
     EXTENDED_BIT,
     ID,
@@ -29,6 +30,7 @@ from canid.io.logs.others.table_layout import (
     cells_of_row,
     judged,
     octets_of,
+    of_base64,
 )
 from canid.io.logs.reader_state import ReadState
 from canid.io.logs.text_lines import Bad, Line, LineCount, lines, remote_length
@@ -295,7 +297,10 @@ class _Reading:
                 else []
             )
         try:
-            data = bytes(int(word, layout.data_base) for word in words)
+            if layout.data_base == BASE64:
+                data = of_base64("".join(cells[at : at + 1]))
+            else:
+                data = bytes(int(word, layout.data_base) for word in words)
         except ValueError:
             raise Bad("its data are not bytes") from None
         if layout.padded and announced and not any(data[min(announced) :]):

@@ -7,12 +7,13 @@ states, else those that the rows prove; a list that may be read in two ways is r
 from __future__ import annotations
 
 import ast
+import base64
 import contextlib
 import csv
 import datetime
 import re
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ from canid.values.errors import ConfigError
 from canid.values.frame_columns import MAX_EXTENDED_ID, MAX_STANDARD_ID
 from canid.values.timestamps import EPOCH_FLOOR_S
 
+# the base of bytes as python-can writes them
+BASE64 = 64
 COUNTER = re.compile(r"0x[0-9a-f]{1,16}", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?\d{1,20}([.,]\d{1,20})?(e[+-]?\d{1,3})?", re.IGNORECASE)
 ID = re.compile(r"(0x)?([0-9a-f]{1,10})([hx]?)", re.IGNORECASE)
@@ -37,7 +40,7 @@ NO, YES = (
 # one that comes every 3 s; the unit is sure where no other fits
 _PERIODS = ((3.0, 1_000_000_000), (1e3, 1_000_000), (3e3, 0), (1e6, 1_000), (3e6, 0))
 _UNITS = {1_000_000_000: "s", 1_000_000: "ms", 1_000: "µs", 1: "ns", 100_000: "0.1 ms"}
-_WORDS = {10: "decimal", 16: "hexadecimal"}
+_WORDS = {10: "decimal", 16: "hexadecimal", BASE64: "base64"}
 # where a clock stands next to a counter: how near their ratio has to be to a unit, and the ns of the clock that it takes
 _SAME, _CLOCK_NS = 0.02, 500_000_000
 # share of the first times that may be earlier than the one before: times since the frame before are half of them
@@ -46,6 +49,8 @@ _MAX_BACK = 0.25
 _MAX_IN_A_SECOND = 4
 # different cells of a column that may say of which bus, direction or kind a frame is
 _MAX_STATES = 16
+# columns of a clock's numbers; what stands behind them begins anew with each second
+_OF_CLOCK = ("hour", "hours", "minute", "minutes", "min", "second", "seconds", "sec")
 _LITERAL = re.compile(r"""(?:bytearray\()?(b(['"]).{0,512}\2)\)?""")
 _LOGGER_HEAD = re.compile(r"#\s*(Logger type|Time format)\s*:", re.IGNORECASE)
 
@@ -124,6 +129,9 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             roles[role] = (*roles.get(role, ()), k)
     if "time" not in roles and "rest" in roles:
         roles["time"] = roles.pop("rest")
+        if parts := [name for name in names if name.strip().lower() in _OF_CLOCK]:
+            of_clock = f"{parts[0]!r} to {names[roles['time'][0]]!r}"
+            raise refused(f"its times are in several columns, {of_clock}: write them as one, Time (s)")
     if "time" not in roles and "date" in roles:
         roles["time"] = roles.pop("date")
     of_rows = [cells_of_row(decoded(line), delimiter) for line in lines[at + 1 :]]
@@ -151,8 +159,11 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
     data_at = next((k for k in roles.get("data", ()) if _octets(cell.column(k)) is not None), -1)
     named_bytes = len(octets) > 1 or (octets and program.header)
     each = tuple(octets[n] for n in sorted(octets)) if named_bytes and min(octets) < 2 else ()
-    if data_at < 0 and not each:
+    lengths = [cell.column(k) for k in roles.get("length", ())]
+    packed = [k for k in roles.get("data", ()) if lengths and _is_base64(cell.column(k), lengths[0])]
+    if data_at < 0 and not each and not packed:
         raise refused("no column of it has bytes of data")
+    data_at = packed[0] if packed else data_at
     tail = data_at == len(names) - 1 and any(len(row) > len(names) and row[len(names)] for row in rows)
     words = (
         [word for k in each for word in cell.column(k)]
@@ -166,7 +177,11 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
         words = [w for row in announced for w in bare_lists.octets(row[at_length + 1 :], int(row[at_length]))]
     words = [word for word in words if word]
     named = names[data_at if data_at >= 0 else each[0]]
-    data_base = base_of(named) or _known(16 if logger else program.data_base, words) or _data_base(words)
+    data_base = (
+        BASE64
+        if packed
+        else base_of(named) or _known(16 if logger else program.data_base, words) or _data_base(words)
+    )
     if not data_base:
         raise refused("its bytes may be hexadecimal or decimal: write Data (hex) or Data (dec) in its header")
     for k in () if logger or program.kvaser else roles.get("type", ()):
@@ -205,9 +220,8 @@ def judged(path: Path, lines: Sequence[str], zone: datetime.tzinfo | None, progr
             f"times are read as {_UNITS[unit]}; write Time (s), (ms) or (us) in its header where it is not so"
         )
     widths = {len(octets_of(text)) for text in cell.column(data_at)} if data_at >= 0 else set[int]()
-    lengths = {text for k in roles.get("length", ()) for text in cell.column(k)}
     # as arrays of a fixed size in messages of ROS
-    padded = bare is None and not tail and widths == {8} and len(lengths) > 1
+    padded = bare is None and not tail and widths == {8} and len({*chain(*lengths)}) > 1
     by_width = not extended and base == 16 and {len(word) for word in ids if word.isalnum()} == {3, 8}
     numbers = list[int]()
     with contextlib.suppress(ValueError):
@@ -324,6 +338,24 @@ def _octets(cells: list[str]) -> list[str] | None:
     each = [octets_of(cell) for cell in cells]
     good = [words for words in each if all(re.fullmatch(r"[0-9a-fA-F]{1,3}", word) for word in words)]
     return [word for words in good for word in words] if 2 * len(good) > len(each) else None
+
+
+def of_base64(cell: str) -> bytes:
+    r"""The bytes of a cell in base64, whose = may have been taken for a spreadsheet's. Raises ValueError.
+
+    >>> of_base64("AQID/w")
+    b'\x01\x02\x03\xff'
+    """
+    return base64.b64decode(cell + "=" * (-len(cell) % 4), validate=True)
+
+
+def _is_base64(cells: list[str], lengths: list[str]) -> bool:
+    """Whether most cells are the announced bytes in base64, and not in hexadecimal digits."""
+    good = 0
+    for cell, length in zip(cells, lengths, strict=True):
+        with contextlib.suppress(ValueError):
+            good += str(len(of_base64(cell))) == length and len(cell) != 2 * int(length)
+    return 2 * good > len(cells)
 
 
 def _data_base(words: list[str]) -> int:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from canid.mathematics.identification import identifiability
 from canid.mathematics.identification.confidence import MISS, SIGMAS
 from canid.mathematics.identification.movement_rhythm import RHYTHM_STEP_HZ
-from canid.models.diagnosis.driver import local_minima, spectral_line
+from canid.models.diagnosis.driver import local_minima, spectral_line, varying_threshold
 from canid.models.diagnosis.driver.driver_data import DriverData
 from canid.models.diagnosis.driver.driver_fit import FittedDriver
 from canid.models.diagnosis.driver.driver_model import (
@@ -63,6 +63,9 @@ def parameters(solved: FittedDriver, data: DriverData, only: str = "") -> dict[s
         by = GAINS_WIDER if effect.dead_time is None else DELAYS_WIDER
         by = max(by, CAUSES_WIDER) if math.isfinite(solved.noise.freedom) else by
         intervals = of_effect(data, solved, effect, by, other_delays)
+        for other, fit in varying_threshold.not_excluded(data, solved, effect):
+            also = of_effect(data, fit, other, by, other_delays)
+            intervals = {name: holding(fixed, also[name]) for name, fixed in intervals.items()}
         for k in local_minima.change_points(solved.model, effect):
             spread = inflation(solved.fitted, [k], data.output.dt)
             intervals[effect.parameters[k - where.start].name] = local_minima.interval(
@@ -72,6 +75,16 @@ def parameters(solved: FittedDriver, data: DriverData, only: str = "") -> dict[s
             intervals = spectral_line.with_phase_drift(data, solved, where, intervals)
         estimates[effect.id] = intervals
     return estimates
+
+
+def holding(narrow: Interval, other: Interval) -> Interval:
+    """Widen an interval to hold another one.
+
+    Example:
+        >>> holding(Interval(1.0, 0.5, 1.5), Interval(1.25, 0.75, 2.0))
+        Interval(value=1.0, low=0.5, high=2.0)
+    """
+    return Interval(narrow.value, min(narrow.low, other.low), max(narrow.high, other.high))
 
 
 def other_delays(q: Array) -> list[Array]:

@@ -28,6 +28,7 @@ EFFECT = Effect(
     decides="10 min of urban following, where the headway moves most",
     shows_desired_headway=True,
     headway=act,
+    has_threshold=True,
     found_in=15.0,
     found_at=((0.4,), (0.6,)),
     silent_at=((0.02,),),

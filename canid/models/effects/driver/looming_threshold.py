@@ -32,6 +32,7 @@ EFFECT = Effect(
     source="Hoffmann & Mortimer 1996; Evans & Rothery 1977",
     decides="10 min of following over a wide range of gaps, 10 to 60 m",
     range_rate=act,
+    has_threshold=True,
     found_at=((0.003,), (0.005,)),
     silent_at=((0.0001,),),
 )

@@ -27,6 +27,7 @@ EFFECT = Effect(
     source="Wiedemann 1974; Pariota & Bifulco 2015",
     decides="10 min behind a lead whose speed changes often and little",
     range_rate=act,
+    has_threshold=True,
     in_demo=True,
     found_at=((0.6,), (1.0,)),
     silent_at=((0.03,),),
