@@ -112,7 +112,7 @@ def test_a_gain_that_is_hardly_known_is_not_withheld_for_its_end_at_zero(seed: i
 def test_a_gain_that_a_cause_moves_is_not_quoted_without_it(cause: dict[str, float], seed: int) -> None:
     """Of the lead's acceleration or the gap: K of both estimators is withheld, or so wide that it holds."""
     estimates = in_loop(seed, **cause)
-    assert len(missed(estimates)) <= 0.2 * len(estimates)
+    assert len(missed(estimates)) <= 0.25 * len(estimates)
 
 
 @pytest.mark.slow("estimates over whole drives")

@@ -19,22 +19,7 @@ class Unit(NamedTuple):
 # 1852 m/h).
 _KMH, _MPH, _KNOT = 1 / 3.6, 0.44704, 1852 / 3600
 _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
-    (
-        "speed",
-        1.0,
-        (
-            "m/s",
-            "mps",
-            "ms-1",
-            "meter/sec",
-            "m/sec",
-            "meters/second",
-            "metres/second",
-            "м/с",
-            "米/秒",
-            "公尺/秒",
-        ),
-    ),
+    ("speed", 1.0, ("m/s", "mps", "ms-1", "meter/sec", "m/sec", "meters/second", "metres/second", "м/с")),
     (
         "speed",
         _KMH,
@@ -43,14 +28,13 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("speed", _MPH, ("mph", "mi/h", "mile/h", "miles/h", "mile/hour", "miles/hour")),
     ("speed", _KNOT, ("kn", "knot", "knots", "kt", "kts")),
     ("speed", 0.3048, ("ft/s", "fps", "feet/second")),
-    (
-        "speed",
-        _KMH,
-        ("km/t", "km/u", "km/std", "km/sa", "km/godz", "km/hod", "км/год", "公里/小时", "公里/小時"),
-    ),
+    ("speed", _KMH, ("km/t", "km/u", "km/std", "km/sa", "km/godz", "km/hod")),
+    ("speed", _KMH, ("км/год", "公里/小时", "公里/小時")),
+    ("speed", 1.0, ("米/秒", "公尺/秒")),
     ("speed", 0.01, ("cm/s",)),
     ("speed", 0.001, ("mm/s",)),
-    ("length", 1.0, ("m", "meter", "meters", "metre", "metres", "м", "米", "公尺")),
+    ("length", 1.0, ("m", "meter", "meters", "metre", "metres", "м")),
+    ("length", 1.0, ("米", "公尺")),
     ("length", 1000.0, ("km",)),
     ("length", 0.01, ("cm",)),
     ("length", 0.1, ("dm",)),
