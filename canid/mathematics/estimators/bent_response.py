@@ -92,7 +92,7 @@ def learn(evidence: Evidence, fit: ProcessFit, window: Window, seen: Array) -> E
     sums, until = _scores(made, values[: len(BENDS)], float(at.K[1])), window.t
     ahead = np.zeros_like(Evidence().ahead)
     if np.isfinite(speed).mean() >= USABLE_SHARE:
-        accel = lead_anticipation.lead_acceleration(speed, step)
+        accel = lead_anticipation.acceleration_ahead(speed, step)
         ahead = lead_anticipation.compare(window.layout, window.rows, at, made, accel, window.output_filter)
     usable_s = float(usable.sum()) * step
     if window.time_of(0) <= evidence.until or usable_s < USABLE_SHARE * window.seconds:

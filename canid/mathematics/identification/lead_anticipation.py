@@ -36,14 +36,14 @@ MAX_ACCEL = 15.0
 BEFORE_S = 5.0
 
 
-def lead_acceleration(speed: Array, step: float) -> Array:
+def acceleration_ahead(speed: Array, step: float) -> Array:
     """Smoothed derivative (n,) m/s² of the lead's speed, quadratic over a second (Savitzky & Golay 1964).
 
     Args:
         speed: (n,) m/s; NaN = not measured, which counts as no change.
         step: s.
 
-    >>> bool(np.allclose(lead_acceleration(0.2 * np.arange(50.0), 0.1)[10:-10], 2.0))
+    >>> bool(np.allclose(acceleration_ahead(0.2 * np.arange(50.0), 0.1)[10:-10], 2.0))
     True
     """
     change = np.diff(speed, prepend=speed[:1]) / step
