@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from canid.mathematics.identification import lead_anticipation
 from canid.mathematics.identification.fopdt import answer_columns, fopdt_fit, regression_rows
-from canid.mathematics.identification.lead_anticipation import AHEAD_S, BEFORE_S, compare, lead_acceleration
+from canid.mathematics.identification.lead_anticipation import AHEAD_S, BEFORE_S, acceleration_ahead, compare
 from canid.values.types import Array
 from tests.plants.first_order_lag import answer
 from tests.seeds import mostly
@@ -37,7 +37,7 @@ def compared(seed: int, ahead: float) -> Array:
     raw, usable = answer_columns.raw(layout, rows, at)
     made = answer_columns.whitened(layout, raw, usable, at)
     assert made is not None
-    seen = lead_acceleration(lead + 0.02 * rng.normal(size=n), DT)[n - 1 - len(rows) - before : n - 1]
+    seen = acceleration_ahead(lead + 0.02 * rng.normal(size=n), DT)[n - 1 - len(rows) - before : n - 1]
     return compare(layout, rows, at, made, seen, None)
 
 
@@ -59,14 +59,14 @@ def test_where_there_is_none_none_is_likelier_than_by_chance(seed: int) -> None:
 def test_another_lead_has_no_acceleration() -> None:
     """A jump of the lead's speed is another lead, and what is not measured is none: both count as no change."""
     speed = np.r_[np.full(30, 20.0), np.full(10, np.nan), np.full(30, 25.0), np.full(30, 15.0)]
-    assert lead_acceleration(speed, DT).tolist() == [0.0] * 100
+    assert acceleration_ahead(speed, DT).tolist() == [0.0] * 100
 
 
 @pytest.mark.parametrize("step", [0.1, 0.2])
 def test_an_acceleration_comes_neither_early_nor_late(step: float) -> None:
     """That of a slow oscillation is its derivative, at the same instant."""
     t = np.arange(0.0, 60.0, step)
-    accel = lead_acceleration(20.0 + np.sin(0.8 * t), step)
+    accel = acceleration_ahead(20.0 + np.sin(0.8 * t), step)
     inside = slice(20, -20)
     np.testing.assert_allclose(accel[inside], (0.8 * np.cos(0.8 * t))[inside], atol=0.04)
 
