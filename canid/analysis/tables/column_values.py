@@ -59,9 +59,10 @@ def in_order(
         return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""
     raw = times.t if place in texts or by_role[TIME].rest else clean(table.numbers[place])
     order, late = row_order.by_time(raw)
-    note, choose = "", f"split it, or {says.rows}"
+    # rows of several vehicles that have ids are told apart by these
+    note, choose = "", "" if "vehicle_id" in by_role else f"split it, or {says.rows}"
     if order is not None:
-        if "vehicle_id" not in by_role:
+        if choose:
             row_order.check(raw, table, values, order, name, choose)
         table = row_order.taken(table, order)
         note = f"{name}: {late:,} of {table.n:,} rows were not in the order of time; they were sorted"

@@ -96,7 +96,7 @@ def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str, choose:
         columns: (n,) each, measured values.
         name: of the column of times.
         remedy: what to do.
-        choose: what to do with rows of several.
+        choose: what to do with rows of several; "": they are told apart later.
 
     Raises:
         ConfigError: the rows are of several.
@@ -115,7 +115,7 @@ def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str, choose:
     if n <= _REPEATED_SHARE * len(t):
         return ""
     each = round(len(t) / (len(t) - int(again.sum())))
-    if any(_alternates(column, again, each) for column in columns):
+    if choose and any(_alternates(column, again, each) for column in columns):
         raise ConfigError(f"{name}: several drives or vehicles: {each} rows have each time; {choose}")
     return (
         f"{name}: {n:,} of {len(t):,} rows have the time of the row before, and are not used: write fractions of a "
