@@ -59,7 +59,7 @@ def in_order(
         return times._replace(t=clock.t, note="; ".join(filter(None, (times.note, note)))), table, ""
     raw = times.t if place in texts or by_role[TIME].rest else clean(table.numbers[place])
     order, late = row_order.by_time(raw)
-    # rows of several vehicles that have ids are told apart by these
+    # rows of several vehicles that have ids are separated by these
     note, choose = "", "" if "vehicle_id" in by_role else f"split it, or {says.rows}"
     if order is not None:
         if choose:

@@ -96,7 +96,7 @@ def repeated(t: Array, columns: Sequence[Array], name: str, remedy: str, choose:
         columns: (n,) each, measured values.
         name: of the column of times.
         remedy: what to do.
-        choose: what to do with rows of several; "": they are told apart later.
+        choose: what to do with rows of several; "": they are separated later.
 
     Raises:
         ConfigError: the rows are of several.
