@@ -63,24 +63,22 @@ def period(t: Array, value: Array, step: float) -> float:
         return 0.0
     every = max(len(t) // READINGS, 1)
     t, value = t[::every] - t.mean(), value[::every]
-    best = min(
-        _left(t, value, dt, phase)
-        for dt in (PERIODS / rates[k]).tolist()
-        for phase in (np.arange(PHASES) * dt / PHASES).tolist()
-    )
+    best = _best(t, value, (PERIODS / rates[k])[:, np.newaxis], np.arange(PHASES) / PHASES)
     wide, turn = 0.5 * float(PERIODS[1] - PERIODS[0]) * best[1], 0.5 * best[1] / PHASES
+    near = np.array([-1.0, 0.0, 1.0])
     for fine in (0.5 ** np.arange(ROUNDS)).tolist():
         _, dt, phase = best
-        near = [(dt + a * fine * wide, phase + b * fine * turn) for a in (-1, 0, 1) for b in (-1, 0, 1)]
-        best = min(_left(t, value, *each) for each in near)
+        periods = (dt + fine * wide * near)[:, np.newaxis]
+        best = _best(t, value, periods, (phase + fine * turn * near) / periods)
     variance = step * step / 12.0
     # the rate may be a harmonic of that of the knots
     _, dt, phase = best
-    for left, dt, phase in (min(_left(t, value, 2.0 * dt, phase + k * dt) for k in (0, 1)), best):
+    twice = _best(t, value, np.array([[2.0 * dt]]), 0.5 * phase / dt + np.array([0.0, 0.5]))
+    for left, dt, phase in (twice, best):
         free = len(t) - (t[-1] - t[0]) / dt - 2.0
         if left <= variance * (free + SURE_SD * (ROUNDING_KURTOSIS * free) ** 0.5):
             # knots halfway between must leave more than the rounding
-            halfway = np.square(line_residuals(t, value, dt, phase + 0.5 * dt))
+            halfway = np.square(line_residuals(t, value, np.array([dt]), np.array([phase + 0.5 * dt]))[0])
             segment = np.floor((t - phase) / dt - 0.5).astype(int)
             total, length = (np.bincount(segment - segment[0], weights) for weights in (halfway, None))
             bent = total > variance * (length + SURE_SD * np.sqrt(ROUNDING_KURTOSIS * length))
@@ -95,6 +93,9 @@ def _waves(n: int, interval: float) -> npt.NDArray[np.complex128]:
     return waves
 
 
-def _left(t: Array, value: Array, dt: float, phase: float) -> tuple[float, float, float]:
-    """The sum of squares that this spline leaves, and its period and phase."""
-    return float(np.square(line_residuals(t, value, dt, phase)).sum()), dt, phase
+def _best(t: Array, value: Array, periods: Array, turns: Array) -> tuple[float, float, float]:
+    """The least sum of squares that a spline leaves, and its period and phase; `turns`: of a period, each of each period."""
+    dt, phase = (each.ravel() for each in np.broadcast_arrays(periods, periods * turns))
+    left = np.square(line_residuals(t, value, dt, phase)).sum(axis=1)
+    k = int(left.argmin())
+    return float(left[k]), float(dt[k]), float(phase[k])

@@ -166,8 +166,8 @@ def _corners(t: Array, value: Array, dt: float, kept: Instants) -> Instants | No
     rounded, chance = variance * len(t), SURE_SD * variance * (ROUNDING_KURTOSIS * len(t)) ** 0.5
     best: tuple[float, Instants] | None = None
     coarse = np.arange(COARSE) * dt / COARSE
-    for kind, residual in (("hold", _hold), ("line", _line)):
-        residuals = np.array([residual(t, value, dt, phase) for phase in coarse])
+    held = np.array([_hold(t, value, dt, phase) for phase in coarse])
+    for kind, residuals in (("hold", held), ("line", _line(t, value, dt, coarse))):
         usual = float(np.median(residuals)) + floor
         k = int(residuals.argmin())
         # means of a few rounded values hit the lattice by chance: only a line is compared without its rounding
@@ -197,7 +197,7 @@ def _finest(t: Array, value: Array, dt: float, phase: float) -> float:
     """Least residual near a phase, by parabolas through three."""
     width = dt / COARSE
     for _ in range(FINE):
-        a, b, c = (_line(t, value, dt, phase + d) for d in (-width, 0.0, width))
+        a, b, c = _line(t, value, dt, phase + width * np.array([-1.0, 0.0, 1.0])).tolist()
         bend = a - 2.0 * b + c
         if not bend > 0.0:
             return phase
@@ -215,32 +215,53 @@ def _hold(t: Array, value: Array, dt: float, phase: float) -> float:
     return float(np.square(value - mean[k]).sum())
 
 
-def _line(t: Array, value: Array, dt: float, phase: float) -> float:
-    """Sum of squares left by the linear spline with knots at the instants."""
-    return float(np.square(line_residuals(t, value, dt, phase)).sum())
+def _line(t: Array, value: Array, dt: float, phase: Array) -> Array:
+    """Sums of squares left by the linear splines with knots at the instants of each phase."""
+    left: Array = np.square(line_residuals(t, value, np.full(len(phase), dt), phase)).sum(axis=1)
+    return left
 
 
-def line_residuals(t: Array, value: Array, dt: float, phase: float) -> Array:
-    """(n,) residuals of the linear spline of least squares with knots every dt s, one at `phase`; t: (n,) s, ascending.
+def line_residuals(t: Array, value: Array, dt: Array, phase: Array) -> Array:
+    """(m, n) residuals of m linear splines of least squares, with knots every `dt` s, one at `phase`.
 
-    >>> t = 0.1 * np.arange(30)
-    >>> bool(np.abs(line_residuals(t, np.interp(t, [0.0, 1.0, 2.0, 3.0], [0.0, 2.0, 1.0, 4.0]), 1.0, 0.0)).max() < 1e-6)
-    True
+    Args:
+        t: (n,) s, ascending.
+        value: (n,).
+        dt: (m,) s.
+        phase: (m,) s.
+
+    Example:
+        >>> t = 0.1 * np.arange(30)
+        >>> lines = np.interp(t, [0.0, 1.0, 2.0, 3.0], [0.0, 2.0, 1.0, 4.0])
+        >>> left = np.abs(line_residuals(t, lines, np.array([1.0, 1.0]), np.array([0.0, 0.4]))).max(axis=1)
+        >>> bool(left[0] < 1e-6), bool(left[1] > 0.1)
+        (True, True)
     """
-    x = (t - phase) / dt
+    x = (t - phase[:, np.newaxis]) / dt[:, np.newaxis]
     k = np.floor(x).astype(int)
     w = x - k
-    k -= k[0]
-    n = int(k[-1]) + 2
-    places = np.concatenate([k * (n + 1), (k + 1) * (n + 1), k * (n + 1) + 1])
-    H = np.zeros((n, n))
-    H += np.bincount(places, np.concatenate([(1.0 - w) ** 2, w * w, w * (1.0 - w)]), n * n).reshape(n, n)
-    H += np.triu(H, 1).T
-    # a segment without readings leaves its knots free
-    H[np.diag_indices(n)] += 1e-9
-    r = np.bincount(k, (1.0 - w) * value, n) + np.bincount(k + 1, w * value, n)
-    s = np.linalg.solve(H, r)
-    left: Array = value - (1.0 - w) * s[k] - w * s[k + 1]
+    k -= k[:, :1]
+    m, n = len(dt), int(k[:, -1].max()) + 2
+    before = k + n * np.arange(m)[:, np.newaxis]
+    at, after = before.ravel(), before.ravel() + 1
+
+    def summed(first: Array, second: Array) -> Array:
+        total = np.bincount(at, first.ravel(), m * n) + np.bincount(after, second.ravel(), m * n)
+        return np.ascontiguousarray(total.reshape(m, n).T)
+
+    # the normal equations of knots are tridiagonal; a segment without readings leaves its knots free
+    diagonal = summed(np.square(1.0 - w), np.square(w)) + 1e-9
+    beside = np.ascontiguousarray(np.bincount(at, (w * (1.0 - w)).ravel(), m * n).reshape(m, n).T)
+    knots = summed((1.0 - w) * value, w * value)
+    for i in range(1, n):
+        share = beside[i - 1] / diagonal[i - 1]
+        diagonal[i] -= share * beside[i - 1]
+        knots[i] -= share * knots[i - 1]
+    knots[-1] /= diagonal[-1]
+    for i in range(n - 2, -1, -1):
+        knots[i] = (knots[i] - beside[i] * knots[i + 1]) / diagonal[i]
+    values = np.ascontiguousarray(knots.T).ravel()
+    left: Array = value - (1.0 - w) * values[before] - w * values[before + 1]
     return left
 
 
