@@ -43,7 +43,7 @@ def test_both_estimators_hold_the_truth_of_a_pedal_that_is_often_pressed_down(se
 
 @pytest.mark.long("identifies whole drives")
 def test_a_limit_is_stated_in_text_and_json() -> None:
-    result = identified(at_100_percent(3, 240.0))
+    result = identified(at_100_percent(3, 150.0))
     (end,) = document(result, "drive.csv", "car").output_limits
     assert (end.side, end.value) == ("upper", 100.0)
     assert f"limit: {end.says[:40]}" in " ".join(summary(result, "drive.csv", "car"))
@@ -52,7 +52,7 @@ def test_a_limit_is_stated_in_text_and_json() -> None:
 
 @pytest.mark.long("identifies whole drives")
 def test_a_drive_far_from_both_ends_states_none_and_uses_every_sample() -> None:
-    drive = helly_drive(np.random.default_rng(2), seconds=240.0, level=50.0)
+    drive = helly_drive(np.random.default_rng(2), seconds=120.0, level=50.0)
     result = identified(drive)
     assert result.output_limits == ()
     assert LearnGate.OUTPUT_LIMIT not in trace(drive).gate
@@ -60,10 +60,10 @@ def test_a_drive_far_from_both_ends_states_none_and_uses_every_sample() -> None:
 
 @pytest.mark.long("identifies whole drives")
 def test_live_windows_say_that_the_output_is_at_its_limit() -> None:
-    drive = at_100_percent(4, 240.0)
+    drive = at_100_percent(4, 150.0)
     # from here on the lead is too fast for this car
     columns = dict(drive.columns)
-    columns["pedal"] = np.where(drive.t > 200.0, 100.0, columns["pedal"])
+    columns["pedal"] = np.where(drive.t > 110.0, 100.0, columns["pedal"])
     last = identified(drive._replace(columns=columns), sliding=True).windows[-1]
     assert last.says == LearnGate.OUTPUT_LIMIT.value
 
@@ -93,7 +93,7 @@ def test_no_cause_is_named_because_of_a_limit(kind: str) -> None:
     assert "is at its upper limit" in report.steps[0]
 
 
-@pytest.mark.long("identifies whole drives")
+@pytest.mark.slow("identifies whole measured drives")
 @needs_measured
 @pytest.mark.parametrize(
     "name", files("reports/41-full-pedal/full_11.csv", "reports/41-full-pedal/s5_truck97.csv")

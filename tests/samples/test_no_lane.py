@@ -96,7 +96,7 @@ def test_a_lane_change_and_a_standstill_are_no_holes(seed: int) -> None:
 @pytest.mark.long("takes whole drives")
 def test_estimates_do_not_depend_on_what_a_camera_sends_without_a_lane(seed: int) -> None:
     """The gain is that of the offsets that were measured; a zero that counts as one makes it smaller by a third."""
-    columns = drive(seed, minutes=10.0)
+    columns = drive(seed)
     none = holes(seed, columns["t"])
     measured = rounded(columns["lateral_offset"], OFFSET_STEP_M)
 

@@ -75,7 +75,7 @@ def restore(driven) -> Callable[[bytes], Restored | Refused]:
 
 
 @pytest.mark.long("many states")
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_one_flipped_byte_anywhere_is_refused(data, whole, restore) -> None:
     """The checksum covers every byte, and its own bytes are checked."""
