@@ -12,7 +12,9 @@ WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 2)
 
 # every version, of what is required by the way too; users' own `pip install` is free. Twice: pip's isolated builds
 # take the one or the other, by pip's version
-INSTALL := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
+INSTALL := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check --no-compile
+# on all processors, and once: workers that start together would each compile the same files
+COMPILE := $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib canid canid_study || true
 
 .PHONY: demo test test-all lint types check check-long check-rest newest constraints docs screenshots vm-test vm-test-drives vm-test-devices clean
 .DELETE_ON_ERROR:
@@ -101,8 +103,10 @@ $(VENV)/bin/pip:
 # stamps: a second call installs nothing, unless the dependencies have changed
 $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/pip
 	$(INSTALL) --editable '.[report]'
+	@$(COMPILE)
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/pip
 	$(INSTALL) --editable '.[dev]'
+	@$(COMPILE)
 	@touch $@ $(VENV)/.installed

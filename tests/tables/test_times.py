@@ -19,7 +19,7 @@ _Drive = list[tuple[float, str]]
 _NIGHT = datetime(2026, 8, 5, 23, 58, 20, tzinfo=UTC)
 
 
-def drive(seed: int, n: int = 2400, dt: float = 0.1) -> _Drive:
+def drive(seed: int, n: int = 1200, dt: float = 0.1) -> _Drive:
     """Rows of a drive: time, s, and the cells; the columns go on from row to row as those of a car do."""
     rng = np.random.default_rng(seed)
     t = np.round(np.arange(n) * dt, 6)
@@ -290,7 +290,7 @@ def test_a_clock_that_is_set_back_cuts_the_drive(
     tmp_path: Path, heading: str, back: float, seed: int
 ) -> None:
     """Rows of both parts keep their order, with a pause between them that no sample crosses, and it is said."""
-    rows = drive(seed)
+    rows = drive(seed, 2400)
     start = datetime(2026, 8, 5, 9, 10, tzinfo=UTC)
     text = at("%d.%m.%Y %H:%M:%S.%L", start) if heading == "time" else lambda t: f"{t:.3f}"
     table = opened(tmp_path / "x.csv", heading, rows, lambda t: text(t - (t >= 100.0) * back))
@@ -470,7 +470,7 @@ def test_the_times_that_go_on_are_taken(tmp_path: Path, other: str, seed: int) -
 @pytest.mark.parametrize("first", [0, 7])
 def test_milliseconds_without_leading_zeros(tmp_path: Path, form: str, first: int, seed: int) -> None:
     """As C# and Arduino programs write them: 3.20 is 20 ms behind 3."""
-    rows = drive(seed, dt=0.02)
+    rows = drive(seed, 2400, 0.02)
 
     def written(t: float) -> str:
         ms = round(1000 * t) + first + 32_300_000
