@@ -206,7 +206,8 @@ def _reading(watch: Watch, t: float, x: float, gap: float) -> Watch:
         high = _side(high, t, x, rise, resolution, gap)
     if -x >= low.next_value or low.visit is not None:
         low = _side(low, t, -x, -rise, resolution, -gap)
-    low, high = _judged(low, high, resolution), _judged(high, low, resolution)
+    if low is not watch.low or high is not watch.high or resolution != watch.resolution:
+        low, high = _judged(low, high, resolution), _judged(high, low, resolution)
     if x != latest[1]:
         if -low.value < latest[1] < high.value:
             longest = max(longest, latest[0] - since)
@@ -282,7 +283,7 @@ def _judged(side: Side, other: Side, resolution: float) -> Side:
     turned = counts.turned >= max(MIN_VISITS, MIN_SHARE * counts.visits)
     turned |= many and counts.turned >= max(MIN_COARSE_VISITS, MIN_COARSE_SHARE * counts.visits)
     limited = (turned and counts.time >= MIN_TIME_S) or (many and _exceeded(side.value, counts, resolution))
-    return side._replace(found=limited)
+    return side._replace(found=True) if limited else side
 
 
 def _exceeded(value: float, counts: Counts, resolution: float) -> bool:
