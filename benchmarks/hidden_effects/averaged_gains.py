@@ -75,21 +75,23 @@ class Planted(NamedTuple):
     exponent: float = 0.0  # of a gain of range rate that grows with nearness
 
 
-def planted(seed: int) -> Iterator[Planted]:
-    """Draw two drivers, and plant causes: each behind a lead and in the lane, with its cause and clean.
+def behind_lead(seed: int, effect: str, simulator: int) -> Iterator[Planted]:
+    """Draw a driver behind a lead and a cause's strength: a drive with it, and a clean one.
 
     Args:
         seed: of the drives.
+        effect: in `PLANTED`.
+        simulator: 0 or 1.
     """
     rng = np.random.default_rng(seed)
-    effect = tuple(PLANTED)[seed % len(PLANTED)]
     name, weakest, strongest = PLANTED[effect]
     strength = float(rng.uniform(weakest, strongest))
-    plant = (plant_one, plant_two)[seed // len(PLANTED) % 2]
     noise = str(rng.choice(("white", "ar1", "mix")))
     cases: dict[str, dict[str, dict[str, float]]] = {effect: {effect: {name: strength}}, BEHIND_LEAD: {}}
     for kind, effects in cases.items():
-        made = plant.plant(effects, seed=seed, minutes=10.0, noise=noise, profile="mixed")
+        made = (plant_one, plant_two)[simulator].plant(
+            effects, seed=seed, minutes=10.0, noise=noise, profile="mixed"
+        )
         driver = made.truth["driver"]
         truth = {
             (name, what): sum(driver[part + k] for part in parts)
@@ -97,6 +99,16 @@ def planted(seed: int) -> Iterator[Planted]:
             for what, parts in PARTS.items()
         }
         yield Planted(kind, trace(made), truth, effects.get("looming_gain", {}).get("exponent", 0.0))
+
+
+def planted(seed: int) -> Iterator[Planted]:
+    """Draw two drivers, and plant causes: each behind a lead and in the lane, with its cause and clean.
+
+    Args:
+        seed: of the drives.
+    """
+    effect = tuple(PLANTED)[seed % len(PLANTED)]
+    yield from behind_lead(seed, effect, seed // len(PLANTED) % 2)
     in_lane = EFFECTS[seed % len(EFFECTS)]
     for kind, hidden in ((f"{in_lane}, in the lane", in_lane), (IN_LANE, CLEAN)):
         drive = make(LaneDrive(SIMULATORS[seed // len(EFFECTS) % 2], hidden, seed))

@@ -50,14 +50,16 @@ def planted(log: Path, width: float, seed: int) -> Prepared:
 
 
 @pytest.mark.slow("fits measured drives with a planted effect")
-@pytest.mark.parametrize("drive", [421, None])
+@pytest.mark.parametrize("drive", [421, 522341, 1829012, None])
 def test_no_fit_of_the_true_width_is_likelier(measured: Path, seed: int, drive: int | None) -> None:
     """Starts at deciles of the headway and the true width, which nobody knows, reach no deeper minimum.
 
-    From the two best guesses, two of one point, the fit of the first drive was 52 above it.
+    From the two best guesses, two of one point, the fit of the first drive was 52 above it; with edges that move by 0.08 and
+    0.16 s at most those of the second and third were 14 and 71 above.
     """
-    width = 0.3 if drive else float(np.random.default_rng(seed).uniform(0.2, 0.4))
-    data, without = (prepared := planted(measured / LOG, width, drive or seed)).data, prepared.fitted
+    drive = drive or seed
+    width = 0.3 if drive == 421 else float(np.random.default_rng(drive).uniform(0.2, 0.4))
+    data, without = (prepared := planted(measured / LOG, width, drive)).data, prepared.fitted
     begins = driver_candidates.screen(ZONE, data, without)
     found = driver_candidates.tried(ZONE, data, without, begins).solved
     guesses = []

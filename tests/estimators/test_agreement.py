@@ -4,11 +4,14 @@ import itertools
 import math
 import pickle
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from canid.mathematics.estimators import agreement
+from canid.mathematics.identification import model_average
+from canid.mathematics.identification.confidence import NORMAL_QUANTILE
 from canid.values.types import Channel, Estimate, Identifiable, Interval, OtherGain, Status
 from tests.exact import exact
 
@@ -270,3 +273,27 @@ def test_an_end_that_was_lowered_to_zero_stays_there(sign: float) -> None:
     assert wide.status is Identifiable.GAIN_ONLY
     assert min(abs(wide.K.low), abs(wide.K.high)) == 0.0
     assert max(abs(wide.K.low), abs(wide.K.high)) > 4.0
+
+
+def test_models_that_are_not_likely_leave_a_skewed_interval_as_it_is() -> None:
+    """Intervals of gains reach farther to one side than to the other; a model of odds 1e-6 changes neither end."""
+    K = Interval(4.0, 3.7, 4.8)
+    e = Estimate(1.0, "armax", Status.OK, "", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
+    wide = agreement.averaged(e, {"range_rate": (OtherGain(1e-6, 0.9, 0.1),)}).channels["range_rate"].K
+    assert np.allclose(wide, K, rtol=0.0, atol=1e-4)
+
+
+def test_an_average_over_models_holds_95_percent_and_no_more(seed: int) -> None:
+    """Of a million draws of the models, 2.5 % lie beyond each end that was widened, and fewer beyond the others."""
+    rng = np.random.default_rng(seed)
+    below, above = rng.uniform(0.05, 0.5, 2)
+    K = Interval(4.0, 4.0 - NORMAL_QUANTILE * below, 4.0 + NORMAL_QUANTILE * above)
+    odds, means, sds = rng.uniform(0.0, 1.0, 3), rng.uniform(2.5, 6.0, 3), rng.uniform(0.05, 0.5, 3)
+    z, kind = rng.normal(size=1_000_000), rng.choice(4, 1_000_000, p=np.r_[1.0, odds] / (1.0 + odds.sum()))
+    # two halves of one weight each, as wide as the interval is on their side
+    own = 4.0 + z * np.where(z < 0.0, below, above)
+    draws = np.where(kind == 0, own, np.r_[0.0, means][kind] + z * np.r_[1.0, sds][kind])
+    wide = model_average.widened(K, means, sds, odds)
+    for beyond, moved in ((draws < wide.low, wide.low < K.low), (draws > wide.high, wide.high > K.high)):
+        assert np.mean(beyond) <= 0.0259
+        assert np.mean(beyond) >= 0.0241 or not moved

@@ -16,8 +16,8 @@ import numpy as np
 from canid.mathematics.estimators import plausibility
 from canid.mathematics.estimators.plausibility import WORDS
 from canid.mathematics.estimators.status import TIME_ROUNDING_S
+from canid.mathematics.identification import model_average
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE
-from canid.mathematics.identification.fopdt import gain_step
 from canid.mathematics.identification.identifiability import apart, not_quotable, quotable, with_gain
 from canid.values.text.names import method
 from canid.values.types import Channel, Estimate, Identifiable, Interval, OtherGain, Status
@@ -149,8 +149,7 @@ def averaged(e: Estimate, others: Mapping[str, tuple[OtherGain, ...]] | None = N
         if float(weights[1:] @ outside[1:]) >= plausibility.OUTSIDE:
             e = without_gains(e, {name: plausibility.average_over_cause(name)})
             continue
-        wide = gain_step.mixture(values, sds, weights)
-        wide = Interval(K.value, min(K.low, wide.low), max(K.high, wide.high))
+        wide = model_average.widened(K, values[1:], sds[1:], odds)
         # an end that was lowered to zero stays there
         if not K.low * K.high > 0.0:
             wide = wide._replace(low=K.low) if K.value > 0.0 else wide._replace(high=K.high)

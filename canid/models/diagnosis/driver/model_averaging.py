@@ -13,10 +13,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtr
 
-from canid.mathematics.identification.confidence import SIGMAS, TAIL
+from canid.mathematics.identification import model_average
+from canid.mathematics.identification.confidence import SIGMAS
 from canid.models.diagnosis.driver import detectability, driver_candidates
 from canid.models.diagnosis.driver.driver_candidates import DriverCandidate
 from canid.models.diagnosis.driver.driver_data import DriverData
@@ -156,19 +155,10 @@ def averaged(
     means = np.array([narrow.value, *(float(other.mean[index].sum()) for other in others)])
     variances = [float(other.covariance[np.ix_(index, index)].sum()) for other in others]
     sds = np.array([sd, *(min(wider * np.sqrt(max(x, 0.0)), widest) for x in variances)])
-    weights = np.array([1.0, *(other.odds for other in others)])
-    weights /= weights.sum()
-    below = np.maximum(np.r_[(narrow.value - narrow.low) / SIGMAS, sds[1:]], 1e-9)
-    above = np.maximum(np.r_[(narrow.high - narrow.value) / SIGMAS, sds[1:]], 1e-9)
-
-    def end(share: float) -> float:
-        def excess(x: float) -> float:
-            return float(weights @ ndtr((x - means) / np.where(x < means, below, above))) - share
-
-        begin, stop = float((means - 2 * SIGMAS * below).min()), float((means + 2 * SIGMAS * above).max())
-        return float(brentq(excess, begin, stop, xtol=1e-6))
-
-    ends = max(min(end(TAIL), narrow.low), low), min(max(end(1.0 - TAIL), narrow.high), high)
+    odds = np.array([other.odds for other in others])
+    wide = model_average.widened(narrow, means[1:], sds[1:], odds, SIGMAS)
+    ends = max(wide.low, low), min(wide.high, high)
+    weights = np.r_[1.0, odds] / (1.0 + odds.sum())
     mean = float(weights @ means)
     spread = float(np.sqrt(weights @ (sds**2 + (means - mean) ** 2)))
     return Spread(Interval(narrow.value, *ends), max(spread, sd))
