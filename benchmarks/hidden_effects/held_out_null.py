@@ -60,8 +60,7 @@ def run(seed: int) -> Outcome | None:
         search = Search(before, data, found.solved, (Named(effect, found.evidence, 0.0),))
         folds = held_out.folds(data, search, driver_search.again)
         score = predictive_score.of_whole(data, search, folds, before.noise.size)
-        gain = held_out.gain(*held_out.errors(data, search, folds), data.output.dt)
-        out[effect.id] = score.low > 0, gain.low > 0
+        out[effect.id] = score.low > 0, held_out.simulation_gain(data, search, folds).low > 0
     return out
 
 

@@ -50,7 +50,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
            "x_value", "seconds", "elapsed_time", "time_since_start", "recording_time", "interval", "device_time", "gps_time",
            "local_time", "system_time", "time_of_day", "unix_time", "unix_timestamp", "rel_time", "abs_time",
            "simulation_time", "sim_time", "gps_tow", "tow", "time_of_week", "itow", "i_tow", "secs", "sec",
-           "header_stamp_secs", "header_stamp_sec", "sensor_time", "host_time", *CLOCKS),
+           "header_stamp_secs", "header_stamp_sec", "sensor_time", "host_time", "ts", "uptime", "elapsed", *CLOCKS),
     "pedal": ("accelerator", "accelerator_pedal", "accel_pedal", "gas_pedal", "gas", "pedal_position",
               "accelerator_pedal_position", "accelerator_position", "pedal_pos", "app", "gas_pedal_position",
               "throttle_pedal", "accelerator_pedal_position_d", "accelerator_pos", "accelerator_pos_d",
@@ -67,7 +67,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "range_rate": ("rangerate", "v_rel", "vrel", "relative_speed", "rel_speed", "relative_velocity", "lead_rel_speed",
                    "gap_rate", "lead_relative_speed", "rel_velocity"),
     HEADWAY: ("thw", "time_headway", "time_gap", "headway_time", "tgap", "车头时距"),
-    "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid"),
+    "lead_valid": ("has_lead", "lead_present", "lead_detected", "target_valid", "gap_valid", "range_valid"),
     "lead_id": ("leader_id", "preceding_id", "target_id"),
     "episode": ("drive", "drive_id", "trial", "trial_id", "session", "session_id", "scenario_id",
                 "episode_id", "trajectory_id", "traj_id", "case_id", "event_id", "trip_id", "run_id", "segment_id"),
@@ -112,7 +112,8 @@ _ENDINGS = {
     "mps": "m/s", "m_s": "m/s", "ms": "ms", "us": "us",
     "μs": "us", "ns": "ns", "s": "s", "sec": "s", "m": "m", "ft": "ft", "cm": "cm", "km": "km", "pct": "%",
     "percent": "%",
-    "deg": "deg", "rad": "rad", "m_s2": "m/s2", "mps2": "m/s2", "ms2": "m/s2", "fps": "ft/s", "ft_s": "ft/s",
+    "deg": "deg", "rad": "rad", "m_s2": "m/s2", "mps2": "m/s2", "ms2": "m/s2", "fps": "ft/s", "ft_s": "ft/s", "cmps": "cm/s",
+    "cm_s": "cm/s", "mmps": "mm/s", "permille": "‰",
     "rad_s": "rad/s", "deg_s": "deg/s", "g": "g", "rpm": "rpm", "knots": "kn", "%": "%", "yd": "yd", "mi_h": "mph",
 }  # fmt: skip
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*", re.DOTALL)

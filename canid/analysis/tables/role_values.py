@@ -13,6 +13,7 @@ from canid.analysis.tables.headings import EXTRA, HEADWAY
 from canid.analysis.tables.resolution import Found
 from canid.analysis.tables.slopes import ACCEL_WIDTH_S, SPEED_WIDTH_S, slope
 from canid.analysis.tables.source import EMPTY, NO_NUMBER, clean
+from canid.signals.samples import missing_codes
 from canid.signals.vehicle.quoting import brief
 from canid.signals.vehicle.units import examples, factor_to
 from canid.values.errors import ConfigError
@@ -171,6 +172,9 @@ def derived(values: Values, t: Array, driver: Driver | None, name: str) -> tuple
         ConfigError: what the task needs is not there; names what is missing, and the remedy.
     """
     roles, notes = dict(values.roles), list(values.notes)
+    for role in ("lead_speed", HEADWAY):
+        if role in roles:
+            roles[role] = _without_codes(role, roles[role], t, notes, name)
 
     def known(role: str) -> Array | None:
         return clean(roles[role]) if role in roles else None
@@ -203,6 +207,19 @@ def derived(values: Values, t: Array, driver: Driver | None, name: str) -> tuple
             output_filter=OutputFilter("unknown" if chosen.output == "accel" else "none")
         )
     return Values(given, notes), chosen
+
+
+def _without_codes(role: str, column: Array, t: Array, notes: list[str], name: str) -> Array:
+    """A column without the numbers that stand for "not measured": what is derived of them differs in each row."""
+    value = clean(column)
+    first, _ = missing_codes.codes(missing_codes.Watch(), "range_rate", t, value)
+    again = missing_codes.Watch(change=first.change, changes=first.changes, visits=first.visits)
+    none = missing_codes.codes(again, "range_rate", t, value)[1]
+    if not none.any():
+        return column
+    numbers = ", ".join(f"{x:.4g}" for x in np.unique(value[none])[:3])
+    notes.append(f"{name}: {role}: {numbers} is reached by jumps alone: {none.sum():,} rows are not measured")
+    return np.where(none, np.nan, column)
 
 
 def _driver(given: Mapping[str, Array]) -> Driver:

@@ -10,7 +10,7 @@ ROLES = {
     "time": (
         "time timestamp timestamps timestampepoch abstime absolutetime timeabs systemtime reltime relativetime timeoffset "
         "timeofday timeepoch timerelative stamp secs headerstampsec t ts zeit zeitstempel temps tiempo tempo czas čas tid "
-        "tijd hosttime devicetime sensortime datetime date/time aika ido zaman "
+        "tijd hosttime devicetime sensortime epoch epochms epochus epochns unixtime datetime date/time aika ido zaman "
         "时间标识 时间戳 时间 系统时间 時刻 время"
     ),
     "date": "date datum 日期",

@@ -14,6 +14,7 @@ from canid.signals.samples import (
     lead_readings,
     learning_gate,
     limited_values,
+    missing_codes,
     no_lane,
     no_target,
     own_speed,
@@ -27,8 +28,7 @@ from canid.signals.samples import (
 from canid.signals.samples.lead import REPORTED
 from canid.signals.samples.lead_readings import Made
 from canid.signals.samples.limited_values import AT_LIMIT
-from canid.signals.samples.out_of_range import OutOfRange
-from canid.signals.samples.reading_facts import ReadingFact
+from canid.signals.samples.reading_facts import OutOfRange, ReadingFact
 from canid.signals.samples.sampling_grid import Ints, Readings, Role
 from canid.signals.vehicle import Vehicle, decoder
 from canid.signals.vehicle.decoding import Step as DecodingStep
@@ -62,6 +62,7 @@ class State(NamedTuple):
     no_lane: no_lane.State = no_lane.State()
     limits: limited_values.State = limited_values.init()
     repeats: Mapping[str, repeated_reports.Readings] = {}
+    codes: missing_codes.State = missing_codes.init()
 
 
 class Samples(NamedTuple):
@@ -185,13 +186,14 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
     clock, timed = session_clock.step(state.clock, chunk)
     frames, first = timed.frames, state.grid.frames
     decoding, decoded = settings.decode(state.decoding, frames)
+    codes, decoded, missing = missing_codes.step(state.codes, decoded, frames.t)
     targets, lane = state.no_target, state.no_lane
     if settings.lead is not None:
         targets, decoded, empty = no_target.step(targets, decoded, frames.t, settings.largest)
     else:
         lane, decoded, empty = no_lane.step(lane, decoded, frames.t)
-    if empty:
-        decoding = add_counts(decoding, empty)
+    if empty or missing:
+        decoding = add_counts(add_counts(decoding, missing), empty)
     reported = tuple(each for each in decoded.roles if each.role in limited_values.WATCHED)
     limits, within = limited_values.step(state.limits, decoded, frames.t)
     decoded, known, marks = within.decoded, within.limits, within.marks
@@ -260,7 +262,19 @@ def _step(settings: _Settings, state: State, chunk: Columns) -> tuple[State, Sam
         stamped = [(rows[row], span) for row, span in stamped]
     stamped.sort(key=_row)
     after = State(
-        clock, decoding, following, grid, gate, instants, intervals, watched, targets, lane, limits, repeats
+        clock,
+        decoding,
+        following,
+        grid,
+        gate,
+        instants,
+        intervals,
+        watched,
+        targets,
+        lane,
+        limits,
+        repeats,
+        codes,
     )
     return after, Samples(samples, events, stamped, decoded, frames.t)
 

@@ -8,8 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from canid.signals.samples.out_of_range import OutOfRange, added
-from canid.signals.samples.reading_facts import Limited, ReadingFact
+from canid.signals.samples.reading_facts import Limited, OutOfRange, ReadingFact, added
 from canid.signals.samples.reading_spans import ReadingSpan
 from canid.signals.samples.stamps import StampIntervals
 from canid.values.state_constraints import TIME

@@ -31,6 +31,8 @@ _TABLE: tuple[tuple[str, float, tuple[str, ...]], ...] = (
     ("speed", _KMH, ("km/t", "km/u", "km/std", "km/sa", "km/godz", "km/hod")),
     ("speed", _KMH, ("км/год", "公里/小时", "公里/小時")),
     ("speed", 1.0, ("米/秒", "公尺/秒")),
+    ("speed", 1 / 60, ("m/min",)),
+    ("speed", 0.3048 / 60, ("ft/min", "fpm")),
     ("speed", 0.01, ("cm/s",)),
     ("speed", 0.001, ("mm/s",)),
     ("length", 1.0, ("m", "meter", "meters", "metre", "metres", "м")),

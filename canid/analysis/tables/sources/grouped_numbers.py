@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 # apostrophe, typographic apostrophe, spaces: separators that are never a decimal sign
 _NEUTRAL = "'\u2019\u00a0\u202f "
-_COMMAS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
+# 0,125 and 0.125 group nothing
+_COMMAS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?")
+_DECIMAL_COMMA = re.compile(r"[-+]?(?:0\d*,\d+|\d+,(?:\d{1,2}|\d{4,}))")
 _NEUTRALS = re.compile(rf"[-+]?[1-9]\d{{0,2}}(?:[{_NEUTRAL}]\d{{3}})+(?:[.,]\d*)?")
-# 0.125 groups nothing
 _POINTS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?")
 # a group of three digits in bytes that no other digit or point continues; a date has other groups
 _POINTS_IN_BYTES = re.compile(rb"(?<![\d.])[1-9]\d{0,2}(?:\.\d{3})+(?![\d.])")
@@ -38,7 +39,9 @@ def any_by_points(data: bytes) -> bool:
 
 
 def any_by_commas(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether commas in quoted numbers group thousands: two of them in one number, or next to decimal points."""
+    """Whether commas group thousands: two of them in one number, or next to decimal points and where none is decimal."""
+    if any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row):
+        return False
     cells = [cell for row in rows for cell in row if "," in cell and _COMMAS.fullmatch(cell)]
     if any(cell.count(",") > 1 or "." in cell for cell in cells):
         return True

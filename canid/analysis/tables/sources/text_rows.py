@@ -33,7 +33,12 @@ _MARKS = b"MARK "
 _BEGIN_BYTES = 4
 # cells of a line that are names of known columns, or units, from which on it is no row: a text among numbers may be one
 _MIN_NAMES = 2
-HEADERS, COMMENTS = "header lines", "comments"
+HEADERS, COMMENTS, SUMMARIES = "header lines", "comments", "summaries"
+# words before the means and sums that programs write below the rows
+_SUMMARY_WORDS = {
+    "average", "avg", "count", "max", "maximum", "mean", "median", "min", "minimum",
+    "mittelwert", "moyenne", "range", "sd", "std", "stdev", "sum", "summe", "total",
+}  # fmt: skip
 
 
 class Rows(NamedTuple):
@@ -204,6 +209,9 @@ class RowForm(NamedTuple):
         except ValueError as error:
             return str(error)
         why = self.wrong(cells)
+        if not self.words and cells[0].strip(" :.").lower() in _SUMMARY_WORDS:
+            count.others[SUMMARIES] += 1
+            return None
         if why and text.startswith(_MARKS):
             count.others[COMMENTS] += 1
             return None

@@ -29,7 +29,7 @@ from canid.models.diagnosis.driver.random_walk import RandomWalk
 from canid.models.diagnosis.fitting import held_out_gain
 from canid.models.diagnosis.fitting.fitted_model import D, FittedModel, M, dropped, solve, without_parameters
 from canid.models.diagnosis.fitting.least_squares import ROUGH_TOLERANCE
-from canid.models.diagnosis.fitting.likelihood import Scored, score
+from canid.models.diagnosis.fitting.likelihood import Scored, score, whitened
 from canid.models.diagnosis.fitting.model import Columns
 from canid.models.effects.effect import Effect
 from canid.values.findings import Flags
@@ -41,6 +41,8 @@ FOLDS = 4
 BOOTSTRAP_STRETCH_S = 15.0
 # fewer stretches do not show how much the gain varies
 MIN_STRETCHES = 4
+# of a whitened difference; below it both simulations are the same
+MIN_POWER = 1e-12
 
 C = TypeVar("C", bound=Columns)
 
@@ -194,6 +196,43 @@ def gain(before: Array, after: Array, where: Flags, dt: float) -> Interval:
     """
     block = np.arange(before.size) // max(round(BOOTSTRAP_STRETCH_S / dt), 1)
     return held_out_gain.gain(before[where], after[where], block[where], MIN_STRETCHES)
+
+
+def simulation_gain(original: D, search: CauseSearch[D, M], fits: tuple[Fold[M], ...]) -> Interval:
+    """Relative reduction of the simulation's error variance; its lower end is also that which one-step predictions show.
+
+    In closed loop the driver's noise is in the inputs, and whatever counters it makes the error smaller: so does a response
+    to the lead's acceleration that is not there, on every other drive. Samples at a limit have no error, so that those next
+    to it are selected. The score of a likelihood with both in it has the mean 0: with d the whitened difference of both
+    simulations and ε the baseline's innovations, the driver does the share b = Σ ε d / Σ d² of it, which takes
+    (2b − 1) Σ d² from the power of the error.
+
+    Args:
+        original: the drive.
+        search: what was found on it.
+        fits: both models, fold by fold.
+    """
+    before, after, where = errors(original, search, fits)
+    reduction = gain(before, after, where, original.output.dt)
+    if search.random_walk is not None or search.holds:
+        # no response to what was seen
+        return reduction
+    fold, rows = dealt(original), search.baseline.rows & search.solved.rows
+    along, size, power = np.zeros((3, before.size))
+    for k, fit in enumerate(fits):
+        base, here = fit.base, (fold == k) & local_minima.determined(search.data, fit.extended)
+        changed = simulated(search, fit.extended, None) - base.fitted.model
+        scored = score(original.output, rows & here, base.noise, base.fitted.model)
+        white = whitened(base.noise, changed) * scored.slope
+        along, size, power = along - white * scored.e, size + white**2, power + (changed * here) ** 2
+    block = np.arange(before.size) // max(round(BOOTSTRAP_STRETCH_S / original.output.dt), 1)
+    columns = (np.where(where, before, 0.0), np.where(where, power, 0.0), along, size)
+
+    def share(sums: Array) -> Array:
+        return np.asarray((2.0 * sums[2] / np.maximum(sums[3], MIN_POWER) - 1.0) * sums[1] / sums[0])
+
+    low = held_out_gain.bootstrapped(columns, block, MIN_STRETCHES, share).low
+    return reduction._replace(low=min(reduction.low, low))
 
 
 # of the log odds between drives of one driver behind other leads, standard deviation

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -29,12 +31,35 @@ def gain(
         >>> round(found.value, 3), round(found.low, 3)
         (0.5, 0.5)
     """
-    _, index = np.unique(block, return_inverse=True)
-    b, a = np.bincount(index, before), np.bincount(index, after)
-    b, a = b[b > 0], a[b > 0]
-    if b.size < min_blocks:
+    return bootstrapped((before, after), block, min_blocks, lambda sums: 1 - sums[1] / sums[0], seed)
+
+
+def bootstrapped(
+    columns: Sequence[Array],
+    block: npt.NDArray[np.int64],
+    min_blocks: int,
+    statistic: Callable[[Array], Array],
+    seed: int = 0,
+) -> Interval:
+    """Statistic of sums of columns, with an interval by a bootstrap of blocks; NaN with too few blocks.
+
+    Args:
+        columns: (n,) each; a block in which the first one has no sum does not count.
+        block: (n,) number of the block of each row.
+        min_blocks: fewer do not show how much the statistic varies.
+        statistic: sums (k, ...) -> (...).
+        seed: of the draws.
+
+    Example:
+        >>> ones = np.ones(100)
+        >>> bootstrapped((ones, 2 * ones), np.arange(100) // 10, 4, lambda sums: sums[1] / sums[0])
+        Interval(value=2.0, low=2.0, high=2.0)
+    """
+    index = np.unique(block, return_inverse=True)[1]
+    sums = np.stack([np.bincount(index, column) for column in columns])
+    sums = sums[:, sums[0] > 0]
+    if sums.shape[1] < min_blocks:
         return Interval()
-    draws = np.random.default_rng(seed).integers(0, b.size, (DRAWS, b.size))
-    ratio = 1 - a[draws].sum(axis=1) / b[draws].sum(axis=1)
-    low, high = np.quantile(ratio, QUANTILES)
-    return Interval(float(1 - a.sum() / b.sum()), float(low), float(high))
+    draws = np.random.default_rng(seed).integers(0, sums.shape[1], (DRAWS, sums.shape[1]))
+    low, high = np.quantile(statistic(sums[:, draws].sum(axis=2)), QUANTILES)
+    return Interval(float(statistic(sums.sum(axis=1))), float(low), float(high))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from canid.mathematics.identification.confidence import QUANTILES
-from canid.models.diagnosis.fitting.held_out_gain import DRAWS
+from canid.models.diagnosis.fitting.held_out_gain import bootstrapped
 from canid.values.findings import Flags
 from canid.values.types import Array, Interval
 
@@ -30,14 +29,6 @@ def gain(difference: Array, rows: Flags, dt: float) -> Interval:
         >>> round(gain(np.full(6000, 0.01), np.ones(6000, dtype=bool), 0.1).low, 6)
         6.0
     """
-    stretch = (np.arange(rows.size) // max(round(STRETCH_S / dt), 1))[rows]
-    if not stretch.size:
-        return Interval()
-    total, minutes = np.bincount(stretch, difference[rows]), np.bincount(stretch) * dt / 60.0
-    total, minutes = total[minutes > 0], minutes[minutes > 0]
-    if total.size < MIN_STRETCHES:
-        return Interval()
-    # the same drive gives the same interval
-    draws = np.random.default_rng(0).integers(0, total.size, (DRAWS, total.size))
-    low, high = np.quantile(total[draws].sum(axis=1) / minutes[draws].sum(axis=1), QUANTILES)
-    return Interval(float(total.sum() / minutes.sum()), float(low), float(high))
+    stretch = np.arange(rows.size) // max(round(STRETCH_S / dt), 1)
+    columns = np.full(rows.size, dt / 60.0)[rows], difference[rows]
+    return bootstrapped(columns, stretch[rows], MIN_STRETCHES, lambda sums: sums[1] / sums[0])

@@ -169,8 +169,7 @@ class Keeping:
         if not search.named:
             return Checked(search, (), Interval())
         folds = held_out.folds(self._data, search, lane_search.again)
-        errors = held_out.errors(self._data, search, folds)
-        return Checked(search, folds, held_out.gain(*errors, self._data.output.dt))
+        return Checked(search, folds, held_out.simulation_gain(self._data, search, folds))
 
     def scores(
         self, search: LaneSearch, folds: Sequence[Fold[LaneModel]]

@@ -55,8 +55,7 @@ def cross_validated(
             why = "it explains nothing on held-out data"
         else:
             folds = held_out.folds(data, search, driver_search.again)
-            dt = data.output.dt
-            gain = held_out.gain(*held_out.errors(data, search, folds), dt) if search.named else Interval()
+            gain = held_out.simulation_gain(data, search, folds) if search.named else Interval()
             if not worse(gain, data, search, folds):
                 return Checked(search, folds, gain, tuple(refused))
             chance, why = (
