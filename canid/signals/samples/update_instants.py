@@ -251,15 +251,15 @@ def line_residuals(t: Array, value: Array, dt: Array, phase: Array) -> Array:
 
     # the normal equations of knots are tridiagonal; a segment without readings leaves its knots free
     diagonal = summed(np.square(1.0 - w), np.square(w)) + 1e-9
-    beside = np.ascontiguousarray(np.bincount(at, (w * (1.0 - w)).ravel(), m * n).reshape(m, n).T)
+    coupling = np.ascontiguousarray(np.bincount(at, (w * (1.0 - w)).ravel(), m * n).reshape(m, n).T)
     knots = summed((1.0 - w) * value, w * value)
     for i in range(1, n):
-        share = beside[i - 1] / diagonal[i - 1]
-        diagonal[i] -= share * beside[i - 1]
+        share = coupling[i - 1] / diagonal[i - 1]
+        diagonal[i] -= share * coupling[i - 1]
         knots[i] -= share * knots[i - 1]
     knots[-1] /= diagonal[-1]
     for i in range(n - 2, -1, -1):
-        knots[i] = (knots[i] - beside[i] * knots[i + 1]) / diagonal[i]
+        knots[i] = (knots[i] - coupling[i] * knots[i + 1]) / diagonal[i]
     values = np.ascontiguousarray(knots.T).ravel()
     left: Array = value - (1.0 - w) * values[before] - w * values[before + 1]
     return left
