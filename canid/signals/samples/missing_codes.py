@@ -114,8 +114,8 @@ def codes(watch: Watch, role: str, t: Array, value: Array) -> tuple[Watch, Flags
         # what is not measured changes nothing
         if x == x:
             watch = _reading(watch, role, at, x)
-            shown = watch.visits.get(x, 0) >= MIN_VISITS or abs(x - watch.value) > IMPOSSIBLE[role]
-            none[k] = x == watch.number and shown
+            if x == watch.number:
+                none[k] = watch.visits.get(x, 0) >= MIN_VISITS or abs(x - watch.value) > IMPOSSIBLE[role]
     return watch, none
 
 
