@@ -344,6 +344,8 @@ class OtherGain(NamedTuple):
     odds: float  # of the model against that without the cause
     gain: float
     sd: float  # of the gain, besides the estimator's own
+    drive_gain: float  # both over the drive so far, for an estimator with a longer memory
+    drive_sd: float
 
 
 class _Estimate(NamedTuple):

@@ -255,7 +255,7 @@ def test_models_with_a_cause_count_for_the_gain_of_every_estimator() -> None:
     known = {"range_rate": Channel(Interval(4.0, 3.6, 4.4), status=Identifiable.GAIN_ONLY)}
     fopdt = Estimate(60.0, "fopdt", Status.OK, "range rate: K only", known)
     armax = fopdt._replace(estimator="armax")
-    others = {"range_rate": (OtherGain(1.0, 0.7, 0.1),)}
+    others = {"range_rate": (OtherGain(1.0, 1.0, 0.0, 0.7, 0.1),)}
     _, (alone, _) = agreement.step(agreement.State(), (armax, fopdt))
     state, (now, _) = agreement.step(agreement.State(), (armax, fopdt._replace(other_gains=others)))
     _, (later,) = agreement.step(state, (armax._replace(t=60.5),))
@@ -269,7 +269,7 @@ def test_an_end_that_was_lowered_to_zero_stays_there(sign: float) -> None:
     """A gain that was quoted by chance may be small; that is no gain of unknown sign, whatever a cause makes of it."""
     K = Interval(sign * 2.0, *sorted((0.0, sign * 4.0)))
     e = Estimate(1.0, "armax", Status.OK, "", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
-    wide = agreement.averaged(e, {"range_rate": (OtherGain(0.5, 1.5, 0.8),)}).channels["range_rate"]
+    wide = agreement.averaged(e, {"range_rate": (OtherGain(0.5, 1.0, 0.0, 1.5, 0.8),)}).channels["range_rate"]
     assert wide.status is Identifiable.GAIN_ONLY
     assert min(abs(wide.K.low), abs(wide.K.high)) == 0.0
     assert max(abs(wide.K.low), abs(wide.K.high)) > 4.0
@@ -279,7 +279,9 @@ def test_models_that_are_not_likely_leave_a_skewed_interval_as_it_is() -> None:
     """Intervals of gains reach farther to one side than to the other; a model of odds 1e-6 changes neither end."""
     K = Interval(4.0, 3.7, 4.8)
     e = Estimate(1.0, "armax", Status.OK, "", {"range_rate": Channel(K, status=Identifiable.GAIN_ONLY)})
-    wide = agreement.averaged(e, {"range_rate": (OtherGain(1e-6, 0.9, 0.1),)}).channels["range_rate"].K
+    wide = (
+        agreement.averaged(e, {"range_rate": (OtherGain(1e-6, 0.9, 0.1, 0.9, 0.1),)}).channels["range_rate"].K
+    )
     assert np.allclose(wide, K, rtol=0.0, atol=1e-4)
 
 

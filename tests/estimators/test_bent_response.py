@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.signal import lfilter
 
 from canid.mathematics.estimators import ESTIMATORS, bent_response
 from canid.mathematics.estimators.windows import reported_estimates
+from canid.mathematics.identification.fopdt.answer_columns import Columns, Reference
 from canid.mathematics.identification.identifiability import quotable
 from canid.models.effects.driver import looming_gain
 from canid.values.types import Array, Estimate, LearnGate, Sample, Status
@@ -123,6 +125,53 @@ def test_in_a_loop_a_gain_that_nothing_moves_is_quoted(seed: int) -> None:
     quoted = [e for e in estimates if e.status is Status.OK and quotable(e.channels["range_rate"], "K")]
     assert len(quoted) >= 0.9 * len(estimates)
     assert len(missed(estimates)) <= 0.1 * len(estimates)
+
+
+def test_sums_over_windows_are_the_likelihood_of_all_their_rows(seed: int) -> None:
+    """Odds and gains are those of one regression on all rows: common gains, and of each window an offset and habits."""
+    rng = np.random.default_rng(seed)
+    n, windows, K = 200, 4, np.array([6.0, 5.0])
+    evidence, stacked, spread = bent_response.Evidence(), [], []
+    for k in range(windows):
+        answers, bends = rng.normal(size=(2, n)), rng.normal(size=(3, n))
+        bends += rng.normal(size=(3, 2)) @ answers
+        habit = K * (1.0 + bent_response.HABIT * rng.normal(size=2))
+        y = habit @ answers + rng.normal() + 0.4 * bends[1] + rng.normal(size=n)
+        values = np.vstack([answers, np.ones(n), y])
+        made = Columns(values, np.ones(n), np.full(n, True), 2, np.zeros(3), 1.0)
+        at = Reference(K, np.ones(2), np.ones(2), K, np.zeros(1), 1, 1.0, 1.0)
+        products, last = bent_response._products(made, bends, at)
+        evidence = evidence._replace(products=evidence.products + products, last=last)
+        stacked.append(np.vstack([answers, bends, y]))
+        own = np.vstack([1e4 * np.ones(n), bent_response.HABIT * K[:, None] * answers])
+        spread.append(np.pad(own, ((0, 0), (n * k, n * (windows - 1 - k)))))
+    rows, Z = np.hstack(stacked), np.vstack(spread)
+    V, X = np.eye(n * windows) + Z.T @ Z, rows[:2]
+
+    def likelihood(V: Array) -> float:
+        # restricted to what common gains leave (Patterson & Thompson 1971)
+        inner, along = X @ np.linalg.solve(V, X.T), X @ np.linalg.solve(V, rows[-1])
+        square = rows[-1] @ np.linalg.solve(V, rows[-1]) - along @ np.linalg.solve(inner, along)
+        return float(-0.5 * (square + np.linalg.slogdet(V)[1] + np.linalg.slogdet(inner)[1]))
+
+    def gains(b: Array, sd: float) -> Array:
+        x = np.vstack([X, b])
+        inner = x @ np.linalg.solve(V, x.T)
+        inner[2, 2] += sd**-2.0
+        return np.asarray(np.linalg.solve(inner, x @ np.linalg.solve(V, rows[-1]))[:2])
+
+    plain = gains(np.zeros(n * windows), 1.0)
+    found = bent_response.others(evidence)
+    for i, b in enumerate(rows[2:5]):
+        with_bend = likelihood(V + bent_response.TYPICAL[i] ** 2 * np.outer(b, b)) - likelihood(V)
+        for channel, name in enumerate(found):
+            model = found[name][i]
+            odds = np.exp(min(with_bend, 50.0)) * bent_response.PRIOR_ODDS
+            assert math.isclose(model.odds, odds, rel_tol=1e-3) or with_bend > 40.0
+            expected = gains(b, bent_response.TYPICAL[i])[channel] / plain[channel]
+            # of a power to first order
+            measured = 1.0 + math.log(model.drive_gain) if (i, channel) == (2, 1) else model.drive_gain
+            assert math.isclose(measured, expected, rel_tol=1e-4)
 
 
 def test_the_gap_that_a_gain_refers_to_is_that_of_the_catalogue() -> None:

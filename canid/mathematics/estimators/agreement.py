@@ -126,30 +126,29 @@ def averaged(e: Estimate, others: Mapping[str, tuple[OtherGain, ...]] | None = N
 
     Args:
         e: an estimate.
-        others: input -> gains by these models; None: the estimate's own.
+        others: input -> gains by these models, which count as over the drive; None: the estimate's own, of its window.
 
     >>> from canid.values.types import Identifiable
     >>> known = {"range_rate": Channel(Interval(4.0, 3.6, 4.4), status=Identifiable.GAIN_ONLY)}
     >>> e = Estimate(60.0, "fopdt", Status.OK, "range rate: K only", known)
-    >>> print(averaged(e, {"range_rate": (OtherGain(0.3, 0.8, 0.05),)}).channels["range_rate"].K)
+    >>> print(averaged(e, {"range_rate": (OtherGain(0.3, 0.9, 0.1, 0.8, 0.05),)}).channels["range_rate"].K)
     4.0 [2.8, 4.4]
-    >>> averaged(e, {"range_rate": (OtherGain(20.0, 0.8, 0.05),)}).says.partition(":")[0]
+    >>> averaged(e, {"range_rate": (OtherGain(20.0, 0.9, 0.1, 0.8, 0.05),)}).says.partition(":")[0]
     'K of range rate is probably an average over a cause that the model does not have'
     """
     for name, others_of in (e.other_gains if others is None else others).items():
         channel = e.channels.get(name, Channel())
         if e.status is not Status.OK or not others_of or not quotable(channel, "K"):
             continue
-        K, (odds, gain, more) = channel.K, np.array(others_of).T
-        sd = (K.high - K.low) / (2.0 * NORMAL_QUANTILE)
-        weights = np.r_[1.0, odds] / (1.0 + odds.sum())
-        values, sds = K.value * np.r_[1.0, gain], np.hypot(sd, K.value * np.r_[0.0, more])
-        models = [NormalDist(*model) for model in zip(values.tolist(), sds.tolist(), strict=True)]
-        outside = np.array([1.0 - model.cdf(K.high) + model.cdf(K.low) for model in models])
-        if float(weights[1:] @ outside[1:]) >= plausibility.OUTSIDE:
+        K, columns = channel.K, [0, 1, 2] if others is None else [0, 3, 4]
+        odds, gain, more = np.array(others_of).T[columns]
+        means, sds = K.value * gain, np.hypot((K.high - K.low) / (2.0 * NORMAL_QUANTILE), K.value * more)
+        models = [NormalDist(*model) for model in zip(means.tolist(), sds.tolist(), strict=True)]
+        outside = [1.0 - model.cdf(K.high) + model.cdf(K.low) for model in models]
+        if float(odds @ outside) >= plausibility.OUTSIDE * (1.0 + odds.sum()):
             e = without_gains(e, {name: plausibility.average_over_cause(name)})
             continue
-        wide = model_average.widened(K, values[1:], sds[1:], odds)
+        wide = model_average.widened(K, means, sds, odds)
         # an end that was lowered to zero stays there
         if not K.low * K.high > 0.0:
             wide = wide._replace(low=K.low) if K.value > 0.0 else wide._replace(high=K.high)

@@ -171,8 +171,8 @@ def check_state(setup: Setup, state: State) -> Iterator[str]:
     if state.window.ndim != 2 or any(len(row) != 5 + len(setup.input_names) for row in state.recent):
         yield "the window of fopdt has another shape"
     nothing = bent_response.Evidence()
-    bends = state.bends.sums.shape, state.bends.ahead.shape, state.seen.shape[1:]
-    if bends != (nothing.sums.shape, nothing.ahead.shape, (2,)):
+    shapes = [[x.shape for x in bends[:-1]] for bends in (state.bends, nothing)]
+    if shapes[0] != shapes[1] or state.seen.shape[1:] != (2,):
         yield "the bends of fopdt have another shape"
 
 
@@ -364,7 +364,7 @@ def _judged(state: State, made: Estimate) -> Estimate:
     """Widen what may be quoted; an end that is lowered to zero is no gain of unknown sign, and comes last."""
     others = bent_response.others(state.bends)
     if others:
-        made = agreement.averaged(made._replace(other_gains={TASK_INPUTS["car_following"][1]: others}))
+        made = agreement.averaged(made._replace(other_gains=others))
     return made._replace(channels=given_quoted(made.channels))
 
 

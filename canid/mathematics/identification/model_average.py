@@ -7,7 +7,7 @@ import math
 from canid.mathematics.identification.confidence import NORMAL_QUANTILE, TAIL
 from canid.values.types import Array, Interval
 
-LEAST_SD = 1e-9  # in the parameter's unit; of a side of zero width
+LEAST_SD = 1e-9  # in the parameter's unit; instead of zero
 HALVINGS = 50  # of the range that an end lies in: to a double's last digits
 
 
@@ -26,18 +26,15 @@ def widened(
         odds: (k,) of the other models against the one.
         quantile: a side of `narrow` in standard deviations.
 
-    >>> import numpy as np
-    >>> skewed, means, sds = Interval(5.0, 4.5, 6.0), np.array([3.0]), np.array([0.2])
-    >>> [round(x, 2) for x in widened(skewed, means, sds, np.array([1e-6]))]
-    [5.0, 4.5, 6.0]
-    >>> [round(x, 2) for x in widened(skewed, means, sds, np.array([1.0]))]
-    [5.0, 2.67, 6.0]
+    >>> from numpy import array
+    >>> wide = [widened(Interval(5.0, 4.5, 6.0), array([3.0]), array([0.2]), array([odds])) for odds in (1e-6, 1.0)]
+    >>> [round(x.low, 2) for x in wide]
+    [4.5, 2.67]
     """
-    below, above = (
-        max(side, LEAST_SD) / quantile for side in (narrow.value - narrow.low, narrow.high - narrow.value)
-    )
-    models = [(1.0, narrow.value, below, above)]
-    models += [(*row, row[-1]) for row in zip(odds.tolist(), means.tolist(), sds.tolist(), strict=True)]
+    sides = (narrow.value - narrow.low) / quantile, (narrow.high - narrow.value) / quantile
+    models = [(1.0, narrow.value, *(max(side, LEAST_SD) for side in sides))]
+    for weight, mean, sd in zip(odds.tolist(), means.tolist(), sds.tolist(), strict=True):
+        models.append((weight, mean, max(sd, LEAST_SD), max(sd, LEAST_SD)))
     total = math.fsum(weight for weight, *_ in models)
 
     def outside(x: float, side: float) -> float:

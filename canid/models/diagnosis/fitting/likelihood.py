@@ -104,6 +104,11 @@ class Output(NamedTuple):
         """Samples of which only the side of floor or ceiling is known on which the demand was."""
         return self.below | self.above
 
+    @property
+    def limited(self) -> Array:
+        """(n,) the output; beyond a limit the limit, whatever was recorded there: no more is known of the demand."""
+        return np.where(self.above, self.ceiling, np.where(self.below, self.floor, self.y))
+
 
 class Noise(NamedTuple):
     """A(q) n(t) = sd · size(t) · e(t), e white; Gaussian with variance 1, or Student's t with Fisher's information 1."""
@@ -173,11 +178,11 @@ def score(output: Output, rows: Flags, noise: Noise, model: Array) -> Scored:
         2.0
     """
     # who stands at a ceiling is known to want more than that, not how far he pushes into a soft one
-    e = whitened(noise, np.where(output.above, output.ceiling, output.y) - model)
+    e = whitened(noise, output.limited - model)
     slope = np.full(e.size, -1.0)
     hidden = rows & output.hidden
     if hidden.any():
-        # e is y − E[y | before] in sd; at the floor y = floor, so −e is how far the expected demand lies above it
+        # e is y − E[y | before] in sd, at the floor −e is how far the expected demand lies above it
         sign = np.where(output.above[hidden], -1.0, 1.0)
         of_bound = censoring.surprise(sign * e[hidden])
         e[hidden] = of_bound.value

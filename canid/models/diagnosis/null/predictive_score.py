@@ -82,7 +82,7 @@ def predictions(output: Output, rows: Flags, fit: FittedModel[M], train: Flags, 
     )
     slope = np.where(rows, -scored.e * scored.slope, 0.0) / unit
     slope[free] = law_search.slope(law, scored.e[free]) / unit[free]
-    left = whitened(noise, np.where(output.above, output.ceiling, output.y) - fit.fitted.model) * unit
+    left = whitened(noise, output.limited - fit.fitted.model) * unit
     return Predicted(log, slope, left)
 
 
