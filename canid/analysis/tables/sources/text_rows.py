@@ -33,7 +33,7 @@ _MARKS = b"MARK "
 _BEGIN_BYTES = 4
 # cells of a line that are names of known columns, or units, from which on it is no row: a text among numbers may be one
 _MIN_NAMES = 2
-HEADERS, COMMENTS, SUMMARIES = "header lines", "comments", "summaries"
+HEADERS, COMMENTS = "header lines", "comments"
 # words before the means and sums that programs write below the rows
 _SUMMARY_WORDS = {
     "average", "avg", "count", "max", "maximum", "mean", "median", "min", "minimum",
@@ -208,10 +208,8 @@ class RowForm(NamedTuple):
             cells = self.cells(text)
         except ValueError as error:
             return str(error)
-        why = self.wrong(cells)
-        if not self.words and cells[0].strip(" :.").lower() in _SUMMARY_WORDS:
-            count.others[SUMMARIES] += 1
-            return None
+        summary = not self.words and cells[0].strip(" :.").lower() in _SUMMARY_WORDS
+        why = self.wrong(cells) or ("it sums up rows" if summary else "")
         if why and text.startswith(_MARKS):
             count.others[COMMENTS] += 1
             return None
