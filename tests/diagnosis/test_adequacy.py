@@ -100,9 +100,10 @@ def test_families_are_finite_and_have_names_of_their_own(prepared: Prepared) -> 
 def test_a_slow_structure_explains_more_beside_a_colour_of_its_own(prepared: Prepared) -> None:
     """A noise model fitted without a slow structure absorbs it."""
     data, fitted = prepared.data, prepared.fitted
-    # of samples at the floor only the side is known on which the demand was: nothing of it is seen there
-    slow = 4.0 * np.sin(2 * np.pi * data.seen.t / 60.0)
-    added = data._replace(output=data.output._replace(y=data.output.y + slow))
+    slow = 3.0 * np.sin(2 * np.pi * data.seen.t / 60.0)
+    # of samples at the floor, only on which side of it the demand was: it moves along, so that the same ones are
+    output = data.output._replace(y=data.output.y + slow, floor=data.output.floor + slow)
+    added = data._replace(output=output)
     own, memory = refit_noise.directions(added, fitted), refit_noise.noise_memory(fitted)
     with_it = np.column_stack([own, slow / np.linalg.norm(slow)])
 
